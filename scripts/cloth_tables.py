@@ -28,7 +28,7 @@ def rows(name: str) -> list[str]:
     """The rows of a cloth's table."""
     command = ["target/release/plywave", "check", f"fabrics/{name}.toml", "--twin", f"fabrics/twins/{name}.pwx", "--json"]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
-    # 1 says that something is beyond what is allowed; it prints all the same.
+    # Status 1: a value is beyond its limit; the output is whole.
     if done.returncode not in (0, 1):
         raise SystemExit(done.stderr)
     lines = []

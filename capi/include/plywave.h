@@ -16,22 +16,24 @@
 #include <stddef.h>
 #include <stdint.h>
 
-// Version of what this header declares: it rises with every change that programs compiled before would not notice.
+// Version of this header's interface: it rises with every change that breaks already compiled programs
+// without an error.
 #define PLYWAVE_ABI_VERSION 1
 
-// Most wavelengths or channels of a query.
+// Largest number of wavelengths or channels of a query.
 #define PLYWAVE_MAX_COUNT 4
 
-// Words of memory of a prepared query: 6.5 KB with its tag, which the largest, a fabric at four wavelengths, takes.
+// Size of a prepared query in 64-bit words, without its tag: 6.5 KB with the tag, the size of the largest, a
+// fabric at four wavelengths.
 #define PLYWAVE_BSDF_WORDS 814
 
-// Bytes of a message, its end included.
+// Bytes of a message, including its final 0.
 #define PLYWAVE_MESSAGE_SIZE 496
 
-// Index of an error that belongs to no entry of an array.
+// Index of an error that is not about an entry of an array.
 #define PLYWAVE_NO_INDEX UINT64_MAX
 
-// What a call came to. Every function that can fail returns one; 0 is success.
+// Status of a call. Every function that can fail returns one; 0 is success.
 enum PlywaveStatus
 #if defined(__cplusplus) || __STDC_VERSION__ >= 202311L
   : int32_t
@@ -41,13 +43,14 @@ enum PlywaveStatus
     PLYWAVE_STATUS_OK = 0,
     // A pointer that must not be null is null.
     PLYWAVE_STATUS_NULL_POINTER = 1,
-    // An argument has a value that is not allowed: not a finite number, a direction that is no unit vector, a number out of range, a misaligned pointer, arrays that overlap.
+    // An argument has a value that is not allowed: a number that is not finite or out of range, a direction
+    // that is not a unit vector, a misaligned pointer, overlapping arrays.
     PLYWAVE_STATUS_INVALID_ARGUMENT = 2,
     // A `PlywaveBsdf` was not prepared, or its preparation failed.
     PLYWAVE_STATUS_NOT_PREPARED = 3,
-    // The buffer is too small; the length that is needed was written.
+    // The buffer is too small; the required length was written.
     PLYWAVE_STATUS_BUFFER_TOO_SMALL = 4,
-    // The model does not hold what was asked for, such as layer factors.
+    // The model does not have the requested part, such as layer factors.
     PLYWAVE_STATUS_MISSING = 5,
     // A file cannot be read.
     PLYWAVE_STATUS_IO = 6,
@@ -55,7 +58,8 @@ enum PlywaveStatus
     PLYWAVE_STATUS_FORMAT = 7,
     // A file is well formed and holds a value that is not allowed.
     PLYWAVE_STATUS_INVALID_FILE = 8,
-    // A defect of the library, caught at the border. What the call was to write is undefined; handles stay usable.
+    // A defect of the library, caught at the border. The outputs of the call are undefined; handles stay
+    // usable.
     PLYWAVE_STATUS_PANIC = 9,
 };
 #ifndef __cplusplus
@@ -87,17 +91,18 @@ typedef int32_t PlywaveKind;
 #endif // __STDC_VERSION__ >= 202311L
 #endif // __cplusplus
 
-// What a color asked for is a color of.
+// Quantity that a target color refers to.
 enum PlywaveColorOf
 #if defined(__cplusplus) || __STDC_VERSION__ >= 202311L
   : int32_t
 #endif // defined(__cplusplus) || __STDC_VERSION__ >= 202311L
  {
-    // The cloth under a sky all round: reflected and transmitted light over the light that meets fibers.
+    // The cloth under a uniform sky all around: reflected and transmitted light over the light that hits
+    // fibers.
     PLYWAVE_COLOR_OF_EVEN_SKY = 0,
-    // The cloth's face, lit from the viewer's side, with dark behind it.
+    // The cloth's face, lit from the viewer's side, with a dark background.
     PLYWAVE_COLOR_OF_REFLECTED = 1,
-    // The cloth folded until no light comes through, as textile labs read it (d/8).
+    // The cloth folded until opaque, as textile labs measure it (d/8).
     PLYWAVE_COLOR_OF_FOLDED = 2,
 };
 #ifndef __cplusplus
@@ -108,17 +113,18 @@ typedef int32_t PlywaveColorOf;
 #endif // __STDC_VERSION__ >= 202311L
 #endif // __cplusplus
 
-// What becomes of a sampled light path.
+// Outcome of a sampled light path.
 enum PlywaveOutcome
 #if defined(__cplusplus) || __STDC_VERSION__ >= 202311L
   : int32_t
 #endif // defined(__cplusplus) || __STDC_VERSION__ >= 202311L
  {
-    // It ends here: w, weight and pdf are 0.
+    // The path ends here: w, weight and pdf are 0.
     PLYWAVE_OUTCOME_ABSORBED = 0,
-    // It is scattered into the direction w.
+    // The light is scattered into the direction w.
     PLYWAVE_OUTCOME_SCATTERED = 1,
-    // It goes straight on, as if nothing were there: a delta. w is 0, pdf the probability of this outcome.
+    // The light goes straight on, as if nothing were there: a delta. w is 0, pdf the probability of this
+    // outcome.
     PLYWAVE_OUTCOME_STRAIGHT = 2,
 };
 #ifndef __cplusplus
@@ -129,7 +135,7 @@ typedef int32_t PlywaveOutcome;
 #endif // __STDC_VERSION__ >= 202311L
 #endif // __cplusplus
 
-// What the numbers of a color are; the `channels` of a query.
+// Meaning of the numbers of a color; the `channels` of a query.
 enum PlywaveChannels
 #if defined(__cplusplus) || __STDC_VERSION__ >= 202311L
   : int32_t
@@ -150,17 +156,17 @@ typedef int32_t PlywaveChannels;
 #endif // __STDC_VERSION__ >= 202311L
 #endif // __cplusplus
 
-// What a yarn is colored by; the `kind` of a `PlywaveYarnColor`.
+// How a yarn is colored; the `kind` of a `PlywaveYarnColor`.
 enum PlywaveYarnColorKind
 #if defined(__cplusplus) || __STDC_VERSION__ >= 202311L
   : int32_t
 #endif // defined(__cplusplus) || __STDC_VERSION__ >= 202311L
  {
-    // Nothing: clear fibers.
+    // No color: clear fibers.
     PLYWAVE_YARN_COLOR_KIND_UNDYED = 0,
     // A color [sRGB, 0 to 1].
     PLYWAVE_YARN_COLOR_KIND_SRGB = 1,
-    // An absorption of the fibers [1/um].
+    // An absorption coefficient of the fibers [1/um].
     PLYWAVE_YARN_COLOR_KIND_SIGMA = 2,
 };
 #ifndef __cplusplus
@@ -171,136 +177,144 @@ typedef int32_t PlywaveYarnColorKind;
 #endif // __STDC_VERSION__ >= 202311L
 #endif // __cplusplus
 
-// A loaded fabric. It never changes: any number of threads may use it at once.
+// A loaded fabric. It is immutable: any number of threads may use it at once.
 typedef struct PlywaveFabric PlywaveFabric;
 
-// A loaded model of a fiber. It never changes: any number of threads may use it at once.
+// A loaded fiber model. It is immutable: any number of threads may use it at once.
 typedef struct PlywaveFiber PlywaveFiber;
 
-// A loaded ply model. It never changes: any number of threads may use it at once.
+// A loaded ply model. It is immutable: any number of threads may use it at once.
 typedef struct PlywavePly PlywavePly;
 
-// A small gap between the fibers of a ply. It never changes.
+// A small gap between the fibers of a ply. It is immutable.
 typedef struct PlywaveSlit PlywaveSlit;
 
-// A model at a query. The caller's memory, on the stack above all; what is in it is the library's. It owns nothing and needs no release; it may be copied and moved, and read by
-// many threads. It is valid as long as the handles that it was prepared from: the model or fabric, and the slit and models of its query.
+// A model at a query. The caller provides the memory, usually on the stack; the library writes and reads its
+// content. It owns nothing and needs no release; it may be copied, moved, and read by many threads. It is
+// valid as long as the handles that it was prepared from: the model or fabric, and the slit and models of
+// its query.
 typedef struct PlywaveBsdf {
-    // What is in it.
+    // Identifies the prepared type.
     uint64_t tag;
-    // The library's.
+    // Private to the library.
     uint64_t words[PLYWAVE_BSDF_WORDS];
 } PlywaveBsdf;
 
-// What went wrong. The caller's memory: each call takes a pointer to one, or NULL. It is written only where the status is not `PLYWAVE_STATUS_OK`.
+// An error in the caller's memory: each call takes a pointer to one, or NULL. It is written only if the
+// status is not `PLYWAVE_STATUS_OK`.
 typedef struct PlywaveError {
-    // As returned: a `PlywaveStatus`.
+    // The returned status: a `PlywaveStatus`.
     int32_t status;
-    // In a batch, the first bad entry, before which all are done; else `PLYWAVE_NO_INDEX`.
+    // In a batch, the first invalid entry, before which all are done; else `PLYWAVE_NO_INDEX`.
     uint64_t index;
-    // One line in UTF-8 that names file, key or argument, value and what is allowed; ends with a 0.
+    // One line in UTF-8 that names file, key or argument, value and what is allowed; 0-terminated.
     char message[PLYWAVE_MESSAGE_SIZE];
 } PlywaveError;
 
 // A sampled light path.
 typedef struct PlywaveSample {
-    // What becomes of it: a `PlywaveOutcome`.
+    // The outcome: a `PlywaveOutcome`.
     int32_t outcome;
-    // Direction, unit, where it is scattered.
+    // Direction of scattered light, a unit vector.
     float w[3];
-    // f / pdf by wavelength, or what goes straight on over its probability; 0 beyond the count.
+    // f / pdf by wavelength, or the straight fraction over its probability; 0 beyond the count.
     float weight[PLYWAVE_MAX_COUNT];
-    // Density of the direction [1/sr], the chance of being scattered included; or the probability of going straight on.
+    // Density of the direction [1/sr], including the chance of being scattered; or the probability of going
+    // straight on.
     float pdf;
 } PlywaveSample;
 
-// Chances of the outcomes of sampling; they add up to 1.
+// Chances of the outcomes of sampling; they sum to 1.
 typedef struct PlywaveOutcomes {
-    // Of `PLYWAVE_OUTCOME_ABSORBED`.
+    // Chance of `PLYWAVE_OUTCOME_ABSORBED`.
     float absorbed;
-    // Of `PLYWAVE_OUTCOME_SCATTERED`: the integral of the pdf.
+    // Chance of `PLYWAVE_OUTCOME_SCATTERED`: the integral of the pdf.
     float scattered;
-    // Of `PLYWAVE_OUTCOME_STRAIGHT`.
+    // Chance of `PLYWAVE_OUTCOME_STRAIGHT`.
     float straight;
 } PlywaveOutcomes;
 
-// What a prepared query is.
+// Description of a prepared query.
 typedef struct PlywaveBsdfInfo {
-    // Of which kind of model.
+    // Kind of its model.
     PlywaveKind kind;
     // Number of wavelengths or channels: 1, 3 or 4.
     int32_t count;
-    // Whether a second layer of yarn lies there; 0 or 1.
+    // Whether a second layer of yarn lies below the point; 0 or 1.
     int32_t is_double;
-    // Of a fabric: whether the point lies in a gap, where the line meets no ply; 0 or 1.
+    // For a fabric: whether the point lies in a gap, where the line hits no ply; 0 or 1.
     int32_t is_gap;
-    // Of a ply: the fraction of the beam that meets no fiber; else 0.
+    // For a ply: the fraction of the beam that hits no fiber; else 0.
     float r_d;
-    // Of a fiber: the width from which it takes light [um], by wavelength; else 0.
+    // For a fiber: the width from which it intercepts light [um], by wavelength; else 0.
     float width_um[PLYWAVE_MAX_COUNT];
 } PlywaveBsdfInfo;
 
-// What a check found: the worst of its incidences.
+// Result of a check: the worst of its incidences.
 typedef struct PlywaveReport {
     // Greatest |integral of eval - albedo|.
     double furnace_error;
-    // Greatest |integral of pdf - chance to be scattered|, or what the chances of all outcomes lack to 1.
+    // Greatest |integral of pdf - chance of being scattered|, or |sum of the chances of all outcomes - 1|.
     double pdf_error;
     // Greatest |weight times pdf - eval| over the samples, relative to the greatest eval.
     double weight_error;
     // Greatest |mean weight - albedo| in standard errors.
     double sampled_furnace_se;
-    // Least p-value of the samples against the pdf.
+    // Smallest p-value of the samples against the pdf.
     double chi2_p;
-    // Least p-value that passes.
+    // Smallest p-value that passes.
     double chi2_threshold;
-    // Greatest |all energy - 1| at sigma = 0; 0 where it is not looked at.
+    // Greatest |total energy - 1| at sigma = 0; 0 where it is not checked.
     double kept_error;
-    // Whether all that is held to a limit is within it; 0 or 1.
+    // Whether every number with a limit is within it; 0 or 1.
     int32_t passed;
 } PlywaveReport;
 
-// What the check of a ply model found.
+// Result of the check of a ply model.
 typedef struct PlywavePlyReport {
-    // Of f_refl + f_high.
+    // Report on f_refl + f_high.
     struct PlywaveReport lobes;
-    // Of all terms, edge light included, where `has_whole`.
+    // Report on all terms, edge light included, where `has_whole`.
     struct PlywaveReport whole;
-    // Of a ply over a second layer, where `has_layers`.
+    // Report on a ply over a second layer, where `has_layers`.
     struct PlywaveReport layers;
-    // Whether the model has edge lobes, and `whole` was found; 0 or 1.
+    // Whether the model has edge lobes, so that `whole` is set; 0 or 1.
     int32_t has_whole;
-    // Whether the model has layer factors, and `layers` was found; 0 or 1.
+    // Whether the model has layer factors, so that `layers` is set; 0 or 1.
     int32_t has_layers;
-    // Greatest difference of eval from the values stored in the file, relative to the greatest of them.
+    // Greatest difference of eval from the values stored in the file, relative to the greatest of those
+    // values.
     double reference_error;
     // Whether everything passed; 0 or 1.
     int32_t passed;
 } PlywavePlyReport;
 
-// How a fabric is shaded. Zeroed memory, or NULL in its place, is the whole model without speckle, in the colors of the spec.
+// Options of a fabric's shading. Zeroed memory, or NULL in its place, is the whole model without speckle, in
+// the colors of the spec.
 typedef struct PlywaveFabricOptions {
-    // Not 0: light goes straight through gaps, a delta. 0: gaps diffract it.
+    // Not 0: light goes straight through gaps, as a delta. 0: gaps diffract it.
     int32_t straight_gaps;
     // Not 0: light that passes beside a ply goes straight on. 0: it is diffracted at its edge.
     int32_t no_edges;
-    // Not 0: speckle, in models that have noise.
+    // Not 0: adds speckle in models that have noise.
     int32_t noise;
-    // Not 0: a single layer of yarn. For comparison.
+    // Not 0: uses a single layer of yarn. For comparison.
     int32_t no_layers;
-    // Not 0: no shadows of yarns on their neighbors. For comparison.
+    // Not 0: turns off shadows of yarns on their neighbors. For comparison.
     int32_t no_shadowing;
-    // Not 0: `sigma_per_um` takes the place of all colors.
+    // Not 0: `sigma_per_um` overrides all colors.
     int32_t has_sigma;
     // One absorption [1/um] at every wavelength for all yarns; 0 for a white furnace.
     float sigma_per_um;
-    // Not 0: the mean over the repeat is made ready, some seconds, for queries with a footprint. Without, footprints count as points.
+    // Not 0: prepares the mean over the repeat, which takes some seconds, for queries with a footprint. 0:
+    // footprints count as points.
     int32_t far;
-    // Not 0: slits between the fibers of all yarns, in place of those of the spec, `slit_width_um` and `slit_share` of them.
+    // Not 0: all yarns have slits between their fibers by `slit_width_um` and `slit_share`, which override
+    // those of the spec.
     int32_t has_slits;
-    // Their width [um], above 0 and at most 5.
+    // Width of the slits [um], above 0 and at most 5.
     float slit_width_um;
-    // Share of a ply's forward light that goes through them (0.25 in the paper); 0 for none.
+    // Share of a ply's forward light that goes through the slits (0.25 in the paper); 0 for none.
     float slit_share;
 } PlywaveFabricOptions;
 
@@ -308,17 +322,17 @@ typedef struct PlywaveFabricOptions {
 typedef struct PlywaveAsset {
     // Name as the spec has it, UTF-8.
     const char *name;
-    // Its bytes.
+    // Content of the file.
     const uint8_t *bytes;
-    // How many.
+    // Number of bytes.
     size_t size;
 } PlywaveAsset;
 
-// What a fabric is. Pairs are of warp and weft.
+// Description of a fabric. Pairs are warp and weft.
 typedef struct PlywaveFabricInfo {
     // Size of one repeat along x and y [um].
     double repeat_um[2];
-    // From the axis of a yarn to that of the next [um].
+    // Distance between the axes of neighboring yarns [um].
     double spacing_um[2];
     // Width of a yarn [um].
     double width_um[2];
@@ -328,63 +342,71 @@ typedef struct PlywaveFabricInfo {
     int32_t threads[2];
     // Greatest distance of any fiber from the middle plane [um].
     float half_thickness_um;
-    // What its colors are colors of.
+    // Quantity that its colors refer to.
     PlywaveColorOf color_of;
-    // Memory that it takes, its models apart.
+    // Memory use, without its models.
     uint64_t memory_bytes;
 } PlywaveFabricInfo;
 
-// Color of the yarns of warp or weft. Zeroed memory is clear fibers.
+// Color of the yarns of warp or weft. Zeroed memory means clear fibers.
 typedef struct PlywaveYarnColor {
     // A `PlywaveYarnColorKind`.
     int32_t kind;
-    // Of `PLYWAVE_YARN_COLOR_KIND_SRGB`: the color, gamma encoded, 0 to 1.
+    // The color for `PLYWAVE_YARN_COLOR_KIND_SRGB`, gamma encoded, 0 to 1.
     float srgb[3];
-    // Of `PLYWAVE_YARN_COLOR_KIND_SIGMA`: the absorption [1/um], 0 or more.
+    // The absorption for `PLYWAVE_YARN_COLOR_KIND_SIGMA` [1/um], 0 or more.
     float sigma_per_um;
 } PlywaveYarnColor;
 
-// What becomes of a color that was asked for.
+// A target color and the color that the cloth reaches.
 typedef struct PlywaveColorReach {
-    // As asked for [sRGB, 0 to 1].
+    // Target color [sRGB, 0 to 1].
     float asked[3];
-    // As the cloth has it [sRGB; beyond 0 to 1 out of its gamut].
+    // Color of the cloth [sRGB; outside 0 to 1 if out of gamut].
     double comes_out[3];
-    // CIEDE2000 between the two; one that is just seen is about 1.
+    // CIEDE2000 between the two; about 1 is just visible.
     double delta_e;
-    // How many of the 81 wavelengths were brighter than clear fibers and darker than black ones.
+    // Number of the 81 wavelengths at which the target was brighter than clear fibers, and darker than black
+    // ones.
     uint32_t clamped[2];
 } PlywaveColorReach;
 
-// What fixes a shading point of a fabric. Zeroed memory is a fine start: what is 0 or NULL is left at its default; `count` and `wo` must be given.
+// A query at a shading point of a fabric. Start from zeroed memory: 0 and NULL mean the default; `count` and
+// `wo` are required.
 //
 // The surface's frame: x along the weft (along u), y along the warp (along v), z the normal of the face.
 typedef struct PlywaveFabricQuery {
-    // Point in the plane of the fabric [um], each within 1e10 of 0: uv times the size that a unit of uv has. Beyond 1e7, 10 m, its numbers are 1 um apart and more.
+    // Point in the plane of the fabric [um], each coordinate within 1e10 of 0: uv times the size of a unit
+    // of uv. Beyond 1e7, 10 m, consecutive f32 values are 1 um apart and more.
     float position_um[2];
     // Direction towards the viewer, unit.
     float wo[3];
     // Number of wavelengths or channels: 1, 3 or 4.
     int32_t count;
-    // Wavelengths [um]. All 0 with a count of 3: 0.612, 0.549 and 0.464, those of red, green and blue. RGB channels need them too, for diffraction and speckle.
+    // Wavelengths [um]. All 0 with a count of 3: 0.612, 0.549 and 0.464, those of red, green and blue. RGB
+    // channels need them too, for diffraction and speckle.
     float lambda_um[PLYWAVE_MAX_COUNT];
     // A `PlywaveChannels`.
     int32_t channels;
-    // Angle by which the pattern is turned about the normal at the point [rad], within 1e6 of 0, from x towards y. The position is one of the turned pattern's plane, in the surface's axes.
+    // Angle by which the pattern is turned about the normal at the point [rad], within 1e6 of 0, from x
+    // towards y. The position lies in the turned pattern's plane, in the surface's axes.
     float turn_rad;
-    // `[count]` absorptions [1/um] of the warp at the point, for textures and prints, or NULL for the fabric's own. Read during the call only.
+    // `[count]` absorptions [1/um] of the warp at the point, for textures and prints, or NULL for the
+    // fabric's own. Read during the call only.
     const float *sigma_warp_per_um;
-    // The same of the weft.
+    // The same for the weft.
     const float *sigma_weft_per_um;
-    // Models of the warp and the weft in place of the fabric's, from `plywave_ply_of_lines`, of the same ply radius and number of plies, or NULL. They must live as long as what is prepared with them.
+    // Models that override those of the warp and the weft, from `plywave_ply_of_lines`, of the same ply
+    // radius and number of plies, or NULL. They must outlive the query prepared with them.
     const struct PlywavePly *models[2];
-    // Diameter of the part of the cloth that the point stands for [um], as of a pixel: beyond a repeat the mean over it answers. 0 for a point, never below. See `far` of the options.
+    // Diameter of the area of cloth that the point represents [um], such as a pixel's footprint: beyond one
+    // repeat the mean over the repeat is used. 0 for a point; never negative. See `far` of the options.
     float footprint_um;
 } PlywaveFabricQuery;
 
-// What fixes a shading point of a fiber. Zeroed memory is a fine start; `count` and `omega_i` must be given.
+// A query at a shading point of a fiber. Start from zeroed memory; `count` and `omega_i` are required.
 //
-// The fiber's frame: z along it, x and y those of its outline.
+// The fiber's frame: z along the fiber, x and y the axes of its outline.
 typedef struct PlywaveFiberQuery {
     // Direction that light comes from, unit.
     float omega_i[3];
@@ -392,31 +414,36 @@ typedef struct PlywaveFiberQuery {
     int32_t count;
     // Wavelengths [um]. All 0 with a count of 3: 0.612, 0.549 and 0.464, those of red, green and blue.
     float lambda_um[PLYWAVE_MAX_COUNT];
-    // Offset of the ray from the center line over half the fiber's width, -1 to 1, or NULL for the mean over all. Tables hold that mean alone. Read during the call only.
+    // Offset of the ray from the center line over half the fiber's width, -1 to 1, or NULL for the mean over
+    // all offsets. Tables contain only that mean. Read during the call only.
     const float *h_rel;
+    // Absorption inside the fiber [1/um], by wavelength: the color of an analytic fiber. Tables ignore it,
+    // since they have their own.
+    float sigma_per_um[PLYWAVE_MAX_COUNT];
 } PlywaveFiberQuery;
 
-// What a model is.
+// Description of a ply model.
 typedef struct PlywavePlyInfo {
     // Greater radius R of a ply [um].
     double radius_um;
-    // Greatest offset |h| at which a beam may meet fibers [um].
+    // Greatest offset |h| at which a beam can hit fibers [um].
     double h_limit_um;
-    // Greatest latitude of the nodes [rad]; beyond, the last node counts.
+    // Greatest latitude of the nodes [rad]; beyond it, the last node is used.
     double theta_limit;
-    // Greatest absorption of the simulation [1/um]; the model holds beyond.
+    // Greatest simulated absorption [1/um]; the model remains valid beyond it.
     double sigma_limit_per_um;
     // Waist w0 of the beam [um].
     double w0_um;
     // Distance beyond which the beam counts as dark [um].
     double d_cut_um;
-    // Greatest difference of eval on this machine from the values stored in the file, relative to the greatest of them; 1e-3 and less is fine.
+    // Greatest difference of eval on this machine from the values stored in the file, relative to the
+    // greatest of them; up to 1e-3 is fine.
     double reference_error;
-    // Plies of the yarn that the model is of.
+    // Number of plies of the modeled yarn.
     int32_t plies;
-    // Lobes of single reflection.
+    // Number of single-reflection lobes.
     int32_t lobes_refl;
-    // Lobes of other light.
+    // Number of lobes of other light.
     int32_t lobes_high;
     // Whether the model has edge lobes; 0 or 1.
     int32_t has_edge;
@@ -426,31 +453,34 @@ typedef struct PlywavePlyInfo {
     int32_t has_noise;
 } PlywavePlyInfo;
 
-// What a layer of yarn does to the light that meets its fibers; of `plywave_ply_layer`.
+// Layer factors of a yarn: how it scatters the light that hits its fibers; from `plywave_ply_layer`.
 typedef struct PlywaveLayer {
-    // Fraction sent back.
+    // Reflected fraction.
     float reflected[PLYWAVE_MAX_COUNT];
-    // Fraction let through.
+    // Transmitted fraction.
     float transmitted[PLYWAVE_MAX_COUNT];
-    // Of diffuse light, fraction sent back.
+    // Reflected fraction of diffuse light.
     float reflected_diffuse[PLYWAVE_MAX_COUNT];
-    // Of diffuse light, fraction let through.
+    // Transmitted fraction of diffuse light.
     float transmitted_diffuse[PLYWAVE_MAX_COUNT];
 } PlywaveLayer;
 
-// Which speckle patterns a point of a ply has: those of a place on a ply, with the `h_um` of the query.
+// Selects the speckle patterns at a point of a ply, from its position on the ply and the `h_um` of the
+// query.
 typedef struct PlywaveInstance {
     // Number of the ply.
     uint32_t ply_id;
     // Position along its fibers [um].
     float position_um;
-    // Length and width of a grain, which has the same patterns [um]; 0 for one instance for the whole ply. Twice the beam's waist suits.
+    // Length and width of a grain, which has one set of patterns [um]; 0 for one set for the whole ply.
+    // Twice the beam's waist is a good value.
     float grain_um;
 } PlywaveInstance;
 
-// What fixes a shading point of a ply. Zeroed memory is a fine start: what is 0 or NULL is left at its default.
+// A query at a shading point of a ply. Start from zeroed memory: 0 and NULL mean the default.
 //
-// The ply's frame: z along the ply, light comes from `(0, cos theta_i, sin theta_i)`, `h_um` is the x coordinate of the beam's center.
+// The ply's frame: z along the ply, light from `(0, cos theta_i, sin theta_i)`, `h_um` the x coordinate of
+// the beam's center.
 typedef struct PlywavePlyQuery {
     // Incident latitude [rad].
     float theta_i;
@@ -458,19 +488,22 @@ typedef struct PlywavePlyQuery {
     float h_um;
     // Number of absorptions and wavelengths: 1, 3 or 4.
     int32_t count;
-    // Absorptions of the fibers [1/um]: the host's color. Below 0 counts as 0.
+    // Absorptions of the fibers [1/um]: the host's color. Negative values count as 0.
     float sigma_per_um[PLYWAVE_MAX_COUNT];
     // Wavelengths [um]. All 0 with a count of 3: 0.612, 0.549 and 0.464, those of red, green and blue.
     float lambda_um[PLYWAVE_MAX_COUNT];
-    // Not 0: light that passes beside the ply goes straight on. 0: it is diffracted at the ply's edge, where the model has edge lobes.
+    // Not 0: light that passes beside the ply goes straight on. 0: it is diffracted at the ply's edge, where
+    // the model has edge lobes.
     int32_t no_edge;
-    // Not 0: every call interpolates the lobes anew. 0: `plywave_ply_at` does it once. The batches of queries never keep them, whatever is here.
+    // Not 0: every call interpolates the lobes again. 0: `plywave_ply_at` interpolates them once. Batches of
+    // queries are uncached in either case.
     int32_t uncached;
-    // Small gaps between the fibers, or NULL. Must live as long as what is prepared with it.
+    // Small gaps between the fibers, or NULL. Must outlive the query prepared with it.
     const struct PlywaveSlit *slit;
     // Speckle patterns, or NULL for the smooth model. Read during the call only.
     const struct PlywaveInstance *instance;
-    // A second layer below, or NULL. Read during the call only. Without effect for a model without layer factors.
+    // A second layer below, or NULL. Read during the call only. It has no effect for a model without layer
+    // factors.
     const struct PlywaveLayer *below;
 } PlywavePlyQuery;
 
@@ -478,49 +511,52 @@ typedef struct PlywavePlyQuery {
 extern "C" {
 #endif // __cplusplus
 
-// `PLYWAVE_ABI_VERSION` of the library at run time: a program that was compiled with another one must not go on.
+// `PLYWAVE_ABI_VERSION` of the library at run time: a program compiled with another value must not continue.
 uint32_t plywave_abi_version(void);
 
 // Version of the library, such as `"0.1.0"`. Never NULL.
 const char *plywave_version(void);
 
-// f in direction `w` [1/sr], the cosine included, to the `count` numbers of `f`. What goes straight on is not in it.
+// f in direction `w` [1/sr], including the cosine, to the `count` numbers of `f`. Straight light is not
+// included.
 //
 // `w`: 3 numbers, a unit vector. On an error nothing is written.
 PlywaveStatus plywave_bsdf_eval(const struct PlywaveBsdf *bsdf, const float *w, float *f, struct PlywaveError *error);
 
-// Density [1/sr] with which `plywave_bsdf_sample` gives the direction `w`, to the one number of `pdf`.
+// Density [1/sr] with which `plywave_bsdf_sample` returns the direction `w`, to the one number of `pdf`.
 PlywaveStatus plywave_bsdf_pdf(const struct PlywaveBsdf *bsdf, const float *w, float *pdf, struct PlywaveError *error);
 
-// `plywave_bsdf_eval` and `plywave_bsdf_pdf` in one, which share their work.
+// `plywave_bsdf_eval` and `plywave_bsdf_pdf` in one call, which share their work.
 PlywaveStatus plywave_bsdf_eval_pdf(const struct PlywaveBsdf *bsdf,
                                     const float *w,
                                     float *f,
                                     float *pdf,
                                     struct PlywaveError *error);
 
-// What becomes of a light path, by three independent uniform random numbers `u` in [0, 1).
+// Samples the outcome of a light path from three independent uniform random numbers `u` in [0, 1).
 PlywaveStatus plywave_bsdf_sample(const struct PlywaveBsdf *bsdf,
                                   const float *u,
                                   struct PlywaveSample *sample,
                                   struct PlywaveError *error);
 
-// Integral of f over the sphere, to the `count` numbers of `albedo`. Of a fabric with shadows at their mean over directions.
-PlywaveStatus plywave_bsdf_albedo(const struct PlywaveBsdf *bsdf,
-                                  float *albedo,
-                                  struct PlywaveError *error);
+// Integral of f over the sphere, to the `count` numbers of `albedo`. For a fabric it takes shadows at their
+// mean over directions.
+PlywaveStatus plywave_bsdf_albedo(const struct PlywaveBsdf *bsdf, float *albedo, struct PlywaveError *error);
 
-// Fraction of the light that goes straight on, unscattered, to the `count` numbers of `straight`; 0 for most models.
+// Fraction of the light that goes straight on, unscattered, to the `count` numbers of `straight`; 0 for most
+// models.
 PlywaveStatus plywave_bsdf_straight(const struct PlywaveBsdf *bsdf, float *straight, struct PlywaveError *error);
 
-// Chances of what `plywave_bsdf_sample` gives.
+// Chances of the outcomes of `plywave_bsdf_sample`.
 PlywaveStatus plywave_bsdf_outcomes(const struct PlywaveBsdf *bsdf,
                                     struct PlywaveOutcomes *outcomes,
                                     struct PlywaveError *error);
 
-// f and pdf in `n` directions at one query: of `w` `[n][3]`, to `f` `[n][count]` and `pdf` `[n]`. The fastest way to ask for many directions.
+// f and pdf in `n` directions at one query: from `w` `[n][3]` to `f` `[n][count]` and `pdf` `[n]`. This is
+// the fastest way to evaluate many directions.
 //
-// With a bad direction the status is that of the first, `error` has its index, and nothing is written. `n` = 0 does nothing.
+// If a direction is invalid, the status is that of the first such entry, `error` has its index, and nothing
+// is written. `n` = 0 does nothing.
 PlywaveStatus plywave_bsdf_eval_batch(const struct PlywaveBsdf *bsdf,
                                       size_t n,
                                       const float *w,
@@ -528,20 +564,22 @@ PlywaveStatus plywave_bsdf_eval_batch(const struct PlywaveBsdf *bsdf,
                                       float *pdf,
                                       struct PlywaveError *error);
 
-// Samples of one query, of `u` `[n][3]`, to `samples` `[n]`. Errors as in `plywave_bsdf_eval_batch`.
+// Samples `n` times at one query: from `u` `[n][3]` to `samples` `[n]`. Errors are as in
+// `plywave_bsdf_eval_batch`.
 PlywaveStatus plywave_bsdf_sample_batch(const struct PlywaveBsdf *bsdf,
                                         size_t n,
                                         const float *u,
                                         struct PlywaveSample *samples,
                                         struct PlywaveError *error);
 
-// What a prepared query is: kind, count, and what is known of the point.
+// Describes a prepared query: its kind, count, and facts about the point.
 PlywaveStatus plywave_bsdf_info(const struct PlywaveBsdf *bsdf,
                                 struct PlywaveBsdfInfo *info,
                                 struct PlywaveError *error);
 
-// Holds a model to what it promises at `incidences` incidences (100 in `plywave check`), with `samples` samples each (20000 there) and random numbers of `seed` (1 there):
-// the checks of `plywave check` that need no table, and its numbers. It takes some 0.1 s an incidence.
+// Checks a model at `incidences` incidences (100 in `plywave check`), with `samples` samples each (20000
+// there) and random numbers of `seed` (1 there). The checks and numbers are those of `plywave check` that
+// need no table. It takes about 0.1 s per incidence.
 PlywaveStatus plywave_ply_check(const struct PlywavePly *ply,
                                 size_t incidences,
                                 size_t samples,
@@ -549,9 +587,11 @@ PlywaveStatus plywave_ply_check(const struct PlywavePly *ply,
                                 struct PlywavePlyReport *found,
                                 struct PlywaveError *error);
 
-// Holds a prepared query to what it promises, with `samples` samples and random numbers of `seed`. The integrals take steps that resolve features of `sd_rad` (0.001 to 1)
-// along latitude and azimuth: 0.01 suits most. It passes with weight times pdf = eval within 1e-3 and a p-value of 1e-4 or more; of plies and fibers furnace and integral of
-// the pdf are held to 1e-3 too. The furnace of a single point of a fabric differs by what its shadows differ from their mean, and is reported only.
+// Checks a prepared query with `samples` samples and random numbers of `seed`. The integrals use steps that
+// resolve features of `sd_rad` (0.001 to 1) along latitude and azimuth: 0.01 suits most models. It passes
+// with weight times pdf = eval within 1e-3 and a p-value of 1e-4 or more; for plies and fibers, furnace and
+// integral of the pdf must also be within 1e-3. The furnace of a single point of a fabric differs as its
+// shadows differ from their mean, and is only reported.
 PlywaveStatus plywave_bsdf_check(const struct PlywaveBsdf *bsdf,
                                  double sd_rad,
                                  size_t samples,
@@ -559,14 +599,16 @@ PlywaveStatus plywave_bsdf_check(const struct PlywaveBsdf *bsdf,
                                  struct PlywaveReport *found,
                                  struct PlywaveError *error);
 
-// Reads a fabric spec (TOML) and the models that it names, which lie in its folder or below. `path` is UTF-8; `options` may be NULL. It takes a second or two: light between
-// yarns is followed. On an error `*out` is NULL. Release it with `plywave_fabric_free`.
+// Reads a fabric spec (TOML) and the models that it names, which lie in its folder or below. `path` is
+// UTF-8; `options` may be NULL. It takes a second or two, to trace inter-yarn scattering. On an error `*out`
+// is NULL. Release it with `plywave_fabric_free`.
 PlywaveStatus plywave_fabric_load(const char *path,
                                   const struct PlywaveFabricOptions *options,
                                   struct PlywaveFabric **out,
                                   struct PlywaveError *error);
 
-// As `plywave_fabric_load`, of the text of a spec and the files that it names, `assets` `[n]`; `name` stands for the spec in messages.
+// Like `plywave_fabric_load`, but from the text of a spec and the files that it names, `assets` `[n]`;
+// `name` identifies the spec in messages.
 PlywaveStatus plywave_fabric_from_memory(const char *spec,
                                          const char *name,
                                          const struct PlywaveAsset *assets,
@@ -575,29 +617,31 @@ PlywaveStatus plywave_fabric_from_memory(const char *spec,
                                          struct PlywaveFabric **out,
                                          struct PlywaveError *error);
 
-// Releases a fabric; NULL is allowed. No prepared query and no call may use it any more.
+// Releases a fabric; NULL is allowed. No prepared query and no call may use it afterwards.
 void plywave_fabric_free(struct PlywaveFabric *fabric);
 
-// What a fabric is.
+// Describes a fabric.
 PlywaveStatus plywave_fabric_info(const struct PlywaveFabric *fabric,
                                   struct PlywaveFabricInfo *info,
                                   struct PlywaveError *error);
 
-// Name of a fabric, as its spec has it. The buffer as in `plywave_ply_spec`.
+// Name of a fabric, as its spec has it. The buffer works as in `plywave_ply_spec`.
 PlywaveStatus plywave_fabric_name(const struct PlywaveFabric *fabric,
                                   char *buffer,
                                   size_t size,
                                   size_t *length,
                                   struct PlywaveError *error);
 
-// What there is to know of a fabric, a line each: what was taken where its WIF says nothing or is wrong, layers that no yarn joins, and what a model does not hold. The buffer as in `plywave_ply_spec`.
+// Notes on a fabric, one per line: assumptions where its WIF is silent or wrong, layers that no yarn joins,
+// and what a model does not contain. The buffer works as in `plywave_ply_spec`.
 PlywaveStatus plywave_fabric_notes(const struct PlywaveFabric *fabric,
                                    char *buffer,
                                    size_t size,
                                    size_t *length,
                                    struct PlywaveError *error);
 
-// The same fabric in other colors, as a new handle; nothing is traced anew. `color_of` is a `PlywaveColorOf`; where it is not the fabric's, it takes tenths of a second.
+// The same fabric in other colors, as a new handle, without tracing again. `color_of` is a `PlywaveColorOf`;
+// if it differs from the fabric's, the call takes tenths of a second.
 PlywaveStatus plywave_fabric_with_colors(const struct PlywaveFabric *fabric,
                                          const struct PlywaveYarnColor *warp,
                                          const struct PlywaveYarnColor *weft,
@@ -605,30 +649,35 @@ PlywaveStatus plywave_fabric_with_colors(const struct PlywaveFabric *fabric,
                                          struct PlywaveFabric **out,
                                          struct PlywaveError *error);
 
-// The colors of the fabric, each once, and what becomes of them: the first `capacity` to `colors`, the number of all to `*count`.
+// The distinct colors of the fabric, each as target and result: the first `capacity` to `colors`, the total
+// number to `*count`.
 PlywaveStatus plywave_fabric_colors(const struct PlywaveFabric *fabric,
                                     struct PlywaveColorReach *colors,
                                     size_t capacity,
                                     size_t *count,
                                     struct PlywaveError *error);
 
-// Absorptions [1/um] with which the cloth has `n` reflectances, 0 to 1, at wavelengths or in linear RGB: `sigma_per_um` may be `reflectance`. What is out of reach is clamped to
-// clear or black fibers. Convert a texture once, not at every hit. With a bad entry nothing is written.
+// Absorptions [1/um] with which the cloth has `n` given reflectances, 0 to 1, at wavelengths or in linear
+// RGB: `sigma_per_um` may be `reflectance`. Values out of reach are clamped to clear or black fibers.
+// Convert a texture once, not at every hit. If an entry is invalid, nothing is written.
 PlywaveStatus plywave_fabric_sigma_of_reflectance(const struct PlywaveFabric *fabric,
                                                   size_t n,
                                                   const float *reflectance,
                                                   float *sigma_per_um,
                                                   struct PlywaveError *error);
 
-// Prepares the fabric at a query for any number of directions. On an error `bsdf` is not prepared, whatever was in it before.
+// Prepares the fabric at a query for any number of directions. On an error `bsdf` is not prepared, whatever
+// it held before.
 PlywaveStatus plywave_fabric_at(const struct PlywaveFabric *fabric,
                                 const struct PlywaveFabricQuery *query,
                                 struct PlywaveBsdf *bsdf,
                                 struct PlywaveError *error);
 
-// f and pdf of `n` queries, one direction each: of `queries` `[n]` and `w` `[n][3]`, to `f` `[n][count]` and `pdf` `[n]`. All queries have the count of the first.
+// f and pdf of `n` queries, one direction each: from `queries` `[n]` and `w` `[n][3]` to `f` `[n][count]`
+// and `pdf` `[n]`. All queries have the count of the first.
 //
-// With a bad entry the status is that of the first, `error` has its index, and all before it are written. `n` = 0 does nothing.
+// If an entry is invalid, the status is that of the first such entry, `error` has its index, and all entries
+// before it are written. `n` = 0 does nothing.
 PlywaveStatus plywave_fabric_eval_batch(const struct PlywaveFabric *fabric,
                                         size_t n,
                                         const struct PlywaveFabricQuery *queries,
@@ -637,7 +686,8 @@ PlywaveStatus plywave_fabric_eval_batch(const struct PlywaveFabric *fabric,
                                         float *pdf,
                                         struct PlywaveError *error);
 
-// Samples of `n` queries, one each: of `queries` `[n]` and `u` `[n][3]`, to `samples` `[n]`. As `plywave_fabric_eval_batch`.
+// Samples `n` queries once each: from `queries` `[n]` and `u` `[n][3]` to `samples` `[n]`. Errors are as in
+// `plywave_fabric_eval_batch`.
 PlywaveStatus plywave_fabric_sample_batch(const struct PlywaveFabric *fabric,
                                           size_t n,
                                           const struct PlywaveFabricQuery *queries,
@@ -645,42 +695,55 @@ PlywaveStatus plywave_fabric_sample_batch(const struct PlywaveFabric *fabric,
                                           struct PlywaveSample *samples,
                                           struct PlywaveError *error);
 
-// A model of a fabric as a handle of its own, of the yarn `thread` of the warp (`family` 0) or the weft (1): what it is, its spec, its check. Release it with `plywave_ply_free`.
+// The ply model of yarn `thread` of the warp (`family` 0) or the weft (1), as its own handle, for its info,
+// spec and check. Release it with `plywave_ply_free`.
 PlywaveStatus plywave_fabric_model(const struct PlywaveFabric *fabric,
                                    int32_t family,
                                    int32_t thread,
                                    struct PlywavePly **out,
                                    struct PlywaveError *error);
 
-// Reads and checks a fiber table (.pwf). `path` is UTF-8. On an error `*out` is NULL. Release it with `plywave_fiber_free`.
-PlywaveStatus plywave_fiber_load(const char *path,
-                                 struct PlywaveFiber **out,
-                                 struct PlywaveError *error);
+// Reads and checks a fiber table (.pwf), or the spec of an analytic fiber (.toml). `path` is UTF-8. On an
+// error `*out` is NULL. Release it with `plywave_fiber_free`.
+PlywaveStatus plywave_fiber_load(const char *path, struct PlywaveFiber **out, struct PlywaveError *error);
 
-// As `plywave_fiber_load`, of the `size` bytes of a file; `name` stands for it in messages.
+// Like `plywave_fiber_load`, but from the `size` bytes of a file; `name` identifies it in messages, and ends
+// in `.toml` for a spec.
 PlywaveStatus plywave_fiber_from_bytes(const uint8_t *bytes,
                                        size_t size,
                                        const char *name,
                                        struct PlywaveFiber **out,
                                        struct PlywaveError *error);
 
-// Releases a fiber; NULL is allowed. No prepared query and no call may use it any more.
+// Releases a fiber; NULL is allowed. No prepared query and no call may use it afterwards.
 void plywave_fiber_free(struct PlywaveFiber *fiber);
 
-// Diameter of the cylinder that a ray must meet for the fiber to scatter it, whatever the direction and wavelength [um].
+// Diameter of the cylinder outside which no ray is scattered by the fiber, for any direction and wavelength
+// [um].
 PlywaveStatus plywave_fiber_max_width(const struct PlywaveFiber *fiber,
                                       float *max_width_um,
                                       struct PlywaveError *error);
 
-// Prepares the fiber at a query for any number of directions. On an error `bsdf` is not prepared, whatever was in it before. The widths from which it takes light are in `plywave_bsdf_info`.
+// Color of an analytic fiber from its spec: three wavelengths [um] to `lambda_um` `[3]`, the absorption at
+// them [1/um] to `sigma_per_um` `[3]`, as a query takes them. All are 0 for a table, which has its own
+// color.
+PlywaveStatus plywave_fiber_color(const struct PlywaveFiber *fiber,
+                                  float *lambda_um,
+                                  float *sigma_per_um,
+                                  struct PlywaveError *error);
+
+// Prepares the fiber at a query for any number of directions. On an error `bsdf` is not prepared, whatever
+// it held before. `plywave_bsdf_info` has the widths from which the fiber intercepts light.
 PlywaveStatus plywave_fiber_at(const struct PlywaveFiber *fiber,
                                const struct PlywaveFiberQuery *query,
                                struct PlywaveBsdf *bsdf,
                                struct PlywaveError *error);
 
-// f and pdf of `n` queries, one direction each: of `queries` `[n]` and `w` `[n][3]`, to `f` `[n][count]` and `pdf` `[n]`. All queries have the count of the first.
+// f and pdf of `n` queries, one direction each: from `queries` `[n]` and `w` `[n][3]` to `f` `[n][count]`
+// and `pdf` `[n]`. All queries have the count of the first.
 //
-// With a bad entry the status is that of the first, `error` has its index, and all before it are written. `n` = 0 does nothing.
+// If an entry is invalid, the status is that of the first such entry, `error` has its index, and all entries
+// before it are written. `n` = 0 does nothing.
 PlywaveStatus plywave_fiber_eval_batch(const struct PlywaveFiber *fiber,
                                        size_t n,
                                        const struct PlywaveFiberQuery *queries,
@@ -689,7 +752,8 @@ PlywaveStatus plywave_fiber_eval_batch(const struct PlywaveFiber *fiber,
                                        float *pdf,
                                        struct PlywaveError *error);
 
-// Samples of `n` queries, one each: of `queries` `[n]` and `u` `[n][3]`, to `samples` `[n]`. As `plywave_fiber_eval_batch`.
+// Samples `n` queries once each: from `queries` `[n]` and `u` `[n][3]` to `samples` `[n]`. Errors are as in
+// `plywave_fiber_eval_batch`.
 PlywaveStatus plywave_fiber_sample_batch(const struct PlywaveFiber *fiber,
                                          size_t n,
                                          const struct PlywaveFiberQuery *queries,
@@ -697,39 +761,39 @@ PlywaveStatus plywave_fiber_sample_batch(const struct PlywaveFiber *fiber,
                                          struct PlywaveSample *samples,
                                          struct PlywaveError *error);
 
-// Reads and checks a ply model (.pwm), or one that is named without folder and ending, NAME for NAME.pwm, from the folders of the variable PLYWAVE_MODELS. `path` is UTF-8. On an error `*out` is NULL. Release it with `plywave_ply_free`.
-PlywaveStatus plywave_ply_load(const char *path,
-                               struct PlywavePly **out,
-                               struct PlywaveError *error);
+// Reads and checks a ply model (.pwm). A name without folder and ending, NAME for NAME.pwm, is found in the
+// folders of the variable PLYWAVE_MODELS. `path` is UTF-8. On an error `*out` is NULL. Release it with
+// `plywave_ply_free`.
+PlywaveStatus plywave_ply_load(const char *path, struct PlywavePly **out, struct PlywaveError *error);
 
-// As `plywave_ply_load`, of the `size` bytes of a file; `name` stands for it in messages.
+// Like `plywave_ply_load`, but from the `size` bytes of a file; `name` identifies it in messages.
 PlywaveStatus plywave_ply_from_bytes(const uint8_t *bytes,
                                      size_t size,
                                      const char *name,
                                      struct PlywavePly **out,
                                      struct PlywaveError *error);
 
-// A model's ply in single lines instead of a beam, for `PlywaveFabricQuery.models`: its light that is missed is the chance of a line, not the mean of a beam. Release it with
-// `plywave_ply_free`.
-PlywaveStatus plywave_ply_of_lines(const struct PlywavePly *ply,
-                                   struct PlywavePly **out,
-                                   struct PlywaveError *error);
+// The ply of a model lit along single lines instead of a beam, for `PlywaveFabricQuery.models`: its missed
+// light is the chance that a line misses, not the mean over a beam. Release it with `plywave_ply_free`.
+PlywaveStatus plywave_ply_of_lines(const struct PlywavePly *ply, struct PlywavePly **out, struct PlywaveError *error);
 
-// Releases a model; NULL is allowed. No prepared query and no call may use it any more.
+// Releases a model; NULL is allowed. No prepared query and no call may use it afterwards.
 void plywave_ply_free(struct PlywavePly *ply);
 
-// What a model is.
+// Describes a model.
 PlywaveStatus plywave_ply_info(const struct PlywavePly *ply, struct PlywavePlyInfo *info, struct PlywaveError *error);
 
-// The text of the yarn spec that a model was made of, with a 0 at its end, to a buffer of `size` bytes; its length without that 0 to `*length`, which may be NULL.
-// With `PLYWAVE_STATUS_BUFFER_TOO_SMALL`, as with NULL and 0, `*length` + 1 bytes are needed.
+// Copies the text of the yarn spec that a model was made from, with a final 0, to a buffer of `size` bytes;
+// its length without that 0 goes to `*length`, which may be NULL. With `PLYWAVE_STATUS_BUFFER_TOO_SMALL`, as
+// with NULL and 0, `*length` + 1 bytes are needed.
 PlywaveStatus plywave_ply_spec(const struct PlywavePly *ply,
                                char *buffer,
                                size_t size,
                                size_t *length,
                                struct PlywaveError *error);
 
-// A layer of this ply's yarns at a latitude [rad], for `count` absorptions [1/um]; what lies below another ply. `PLYWAVE_STATUS_MISSING` for a model without layer factors.
+// A layer of this ply's yarns at a latitude [rad], for `count` absorptions [1/um], to lie below another ply.
+// `PLYWAVE_STATUS_MISSING` for a model without layer factors.
 PlywaveStatus plywave_ply_layer(const struct PlywavePly *ply,
                                 float theta_i,
                                 int32_t count,
@@ -737,8 +801,8 @@ PlywaveStatus plywave_ply_layer(const struct PlywavePly *ply,
                                 struct PlywaveLayer *layer,
                                 struct PlywaveError *error);
 
-// A slit between the fibers of a model's ply, `width_um` wide (above 0, at most 5), through which `share` of the forward light goes (0.25 in the paper).
-// Release it with `plywave_slit_free`.
+// A slit between the fibers of a model's ply, `width_um` wide (above 0, at most 5), through which `share` of
+// the forward light goes (0.25 in the paper). Release it with `plywave_slit_free`.
 PlywaveStatus plywave_slit_new(const struct PlywavePly *ply,
                                float width_um,
                                float share,
@@ -748,15 +812,18 @@ PlywaveStatus plywave_slit_new(const struct PlywavePly *ply,
 // Releases a slit; NULL is allowed.
 void plywave_slit_free(struct PlywaveSlit *slit);
 
-// Prepares the model at a query for any number of directions. On an error `bsdf` is not prepared, whatever was in it before.
+// Prepares the model at a query for any number of directions. On an error `bsdf` is not prepared, whatever
+// it held before.
 PlywaveStatus plywave_ply_at(const struct PlywavePly *ply,
                              const struct PlywavePlyQuery *query,
                              struct PlywaveBsdf *bsdf,
                              struct PlywaveError *error);
 
-// f and pdf of `n` queries, one direction each: of `queries` `[n]` and `w` `[n][3]`, to `f` `[n][count]` and `pdf` `[n]`. All queries have the count of the first.
+// f and pdf of `n` queries, one direction each: from `queries` `[n]` and `w` `[n][3]` to `f` `[n][count]`
+// and `pdf` `[n]`. All queries have the count of the first.
 //
-// With a bad entry the status is that of the first, `error` has its index, and all before it are written. `n` = 0 does nothing.
+// If an entry is invalid, the status is that of the first such entry, `error` has its index, and all entries
+// before it are written. `n` = 0 does nothing.
 PlywaveStatus plywave_ply_eval_batch(const struct PlywavePly *ply,
                                      size_t n,
                                      const struct PlywavePlyQuery *queries,
@@ -765,7 +832,8 @@ PlywaveStatus plywave_ply_eval_batch(const struct PlywavePly *ply,
                                      float *pdf,
                                      struct PlywaveError *error);
 
-// Samples of `n` queries, one each: of `queries` `[n]` and `u` `[n][3]`, to `samples` `[n]`. As `plywave_ply_eval_batch`.
+// Samples `n` queries once each: from `queries` `[n]` and `u` `[n][3]` to `samples` `[n]`. Errors are as in
+// `plywave_ply_eval_batch`.
 PlywaveStatus plywave_ply_sample_batch(const struct PlywavePly *ply,
                                        size_t n,
                                        const struct PlywavePlyQuery *queries,
@@ -773,9 +841,10 @@ PlywaveStatus plywave_ply_sample_batch(const struct PlywavePly *ply,
                                        struct PlywaveSample *samples,
                                        struct PlywaveError *error);
 
-// f_refl + f_high alone, without edge light, of `n` queries as arrays: `theta_i` `[n]` [rad], `h_um` `[n]`, `sigma_per_um` `[n][count]`, components of the directions
-// `x`, `y`, `z` `[n]`, to `f` `[n][count]` [1/sr]. The fastest way to ask for many queries: it works on 16 at a time. Nothing is checked entry by entry: where a number is
-// not finite, the ply is missed and f is 0.
+// f_refl + f_high alone, without edge light, of `n` queries as arrays: `theta_i` `[n]` [rad], `h_um` `[n]`,
+// `sigma_per_um` `[n][count]`, components of the directions `x`, `y`, `z` `[n]`, to `f` `[n][count]` [1/sr].
+// This is the fastest way to evaluate many queries: it processes 16 at a time. Entries are not checked: if a
+// number is not finite, f is 0, as for a missed ply.
 PlywaveStatus plywave_ply_lobes_batch(const struct PlywavePly *ply,
                                       size_t n,
                                       int32_t count,
@@ -788,7 +857,8 @@ PlywaveStatus plywave_ply_lobes_batch(const struct PlywavePly *ply,
                                       float *f,
                                       struct PlywaveError *error);
 
-// Name of a status as in C, such as `"PLYWAVE_STATUS_NULL_POINTER"`; `"unknown status"` for other numbers. Never NULL.
+// Name of a status as in C, such as `"PLYWAVE_STATUS_NULL_POINTER"`; `"unknown status"` for other numbers.
+// Never NULL.
 const char *plywave_status_name(int32_t status);
 
 #ifdef __cplusplus

@@ -33,17 +33,17 @@ pub struct Cli {
     /// What to do.
     #[command(subcommand)]
     pub command: Command,
-    /// Say nothing but results and errors.
+    /// Print only results and errors.
     #[arg(long, short, global = true)]
     pub quiet: bool,
     /// Print results as JSON.
     #[arg(long, global = true)]
     pub json: bool,
-    /// Number of threads; results do not depend on it [default: one a core].
+    /// Number of threads; results do not depend on it [default: one per core].
     #[arg(long, global = true, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1024))]
     pub threads: Option<u32>,
-    /// Folder of models that are named without folder and ending, NAME for NAME.pwm; asked before those of
-    /// the variable PLYWAVE_MODELS and the models that ship.
+    /// Look up models given by name in this folder first (NAME stands for NAME.pwm), then in the folders of
+    /// the variable PLYWAVE_MODELS and among the models that ship.
     #[arg(long, global = true, value_name = "DIR")]
     pub models: Option<PathBuf>,
 }
@@ -59,7 +59,7 @@ impl Cli {
                 "command line",
                 "--models",
                 folder.display(),
-                "is no folder; name one of .pwm files",
+                "is not a folder; give a folder of .pwm files",
             )),
         }
     }
@@ -74,10 +74,10 @@ pub enum Command {
     Fit(FitArgs),
     /// Simulate and fit in one go. Without a spec: polyester, compiled in, at preview quality.
     Build(BuildArgs),
-    /// Make a continuous family of yarns of a spec with ranges: spec (TOML) in, family (.pwfam) out; or take
-    /// a model (.pwm) out of a family.
+    /// Make a continuous family of yarns from a spec with ranges: spec (TOML) in, family (.pwfam) out; or
+    /// extract a model (.pwm) from a family.
     Family(FamilyArgs),
-    /// Tell what a yarn spec, a table, a model, a fiber or a file of speckle patterns holds.
+    /// Print the contents of a yarn spec, a table, a model, a fiber or a file of speckle patterns.
     Info(InfoArgs),
     /// Evaluate a model at one incidence and one outgoing direction.
     Eval(EvalArgs),
@@ -88,23 +88,23 @@ pub enum Command {
     Check(CheckArgs),
     /// Compare two models, or two tables, slice by slice. Exit code 1 beyond the tolerance.
     Diff(DiffArgs),
-    /// Draw a table or a model as PNG or SVG: false-color maps, energy budget, fit errors; of speckle
-    /// patterns curves and covariances.
+    /// Draw a table or a model as PNG or SVG: false-color maps, energy budget, fit errors; for
+    /// speckle patterns, curves and covariances.
     Plot(PlotArgs),
-    /// Join the parts of a run that was shared out with --shards: parts (.pwp) in, what the run makes out.
+    /// Join the parts of a run that was divided with --shards: parts (.pwp) in, the run's output out.
     Merge(MergeArgs),
-    /// Give a model speckle noise: patterns (.pws) and a model (.pwm) in, the model with noise out.
+    /// Add speckle noise to a model: patterns (.pws) and a model (.pwm) in, the model with noise out.
     Noise(NoiseArgs),
-    /// Turn a color or a reflectance into the absorption of a model's fibers, by inverting its albedo.
+    /// Find the absorption of a model's fibers for a color or a reflectance, by inverting its albedo.
     Color(ColorArgs),
-    /// Draw the weave of a fabric: fabric spec (TOML) in, folder with textures (PNG) and a sheet to look at
+    /// Draw the weave of a fabric: fabric spec (TOML) in, folder with textures (PNG) and an overview sheet
     /// out.
     Weave(WeaveArgs),
-    /// Trace the explicit fibers of a cloth, with no model in between: fabric spec (TOML) in, its twin (.pwx)
-    /// out, which `check` holds the fabric to.
+    /// Path trace the explicit fibers of a cloth, without a model: fabric spec (TOML) in, its twin (.pwx)
+    /// out. `check` compares the fabric with its twin.
     Twin(TwinArgs),
-    /// Make the files of a library on many machines, by Dask: library file (TOML) in, models, tables, twins
-    /// and a page that shows them out.
+    /// Make the files of a library on many machines with Dask: library file (TOML) in; models, tables, twins
+    /// and a report page out.
     Farm(FarmArgs),
     /// Wave optics of parallel fibers.
     Wave(WaveArgs),

@@ -66,7 +66,7 @@ fn usage(error: &clap::Error) -> ExitCode {
     }
     let text = error.render().to_string();
     let mut lines = text.lines().map(str::trim).filter(|l| !l.is_empty());
-    // The command that was asked for, as far as there is such a one.
+    // The command as far as the arguments name a known one.
     let mut command = "plywave".to_string();
     let mut at = <Cli as clap::CommandFactory>::command();
     for asked in std::env::args_os().skip(1) {

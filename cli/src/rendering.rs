@@ -75,7 +75,7 @@ impl Outputs {
         self.each().map(output::hold).collect()
     }
 
-    /// The picture that was asked for.
+    /// The picture that the flags select.
     fn main(&self) -> &Path {
         self.png.as_deref().or(self.exr.as_deref()).unwrap_or(&self.sums)
     }
@@ -119,7 +119,7 @@ fn digest(of: &Ingredients) -> String {
 /// Refuses flags out of range.
 pub fn check_flags(args: &RenderArgs) -> Outcome {
     if u64::from(args.width) * u64::from(args.height) > MAX_PIXELS {
-        return Err(Failure::input("command line", "--width", args.width, "a picture of at most 268 M pixels"));
+        return Err(Failure::input("command line", "--width", args.width, "give a picture of at most 268 M pixels"));
     }
     for (name, value, low, high) in [
         ("--size-mm", args.size_mm, 1e-3, 1e5),

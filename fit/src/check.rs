@@ -1,4 +1,4 @@
-//! What a table must satisfy before anything is fitted to it.
+//! Checks of a table before a fit.
 
 use crate::error::FitError;
 use plywave::table::Table;

@@ -1,4 +1,4 @@
-//! Parts of a fit on their own, for measuring it: one slice alone, one block alone.
+//! Diagnostic fits of one slice alone or one block alone.
 
 use crate::check::check_table;
 use crate::error::FitError;
@@ -11,10 +11,10 @@ use plywave::ply::asg::PARAMS;
 use plywave::table::Table;
 use rayon::prelude::*;
 
-/// A fitted part: lobe parameters `[sets][lobes][6]` and what it cost.
+/// A fitted part: lobe parameters `[sets][lobes][6]` and their cost.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PartFit {
-    /// Lobes of the free parameter sets: the slice's, or the four corners' of a block.
+    /// Lobes of the free parameter sets: of the slice, or of a block's four corners.
     pub params: Vec<f64>,
     /// Sum over slices of the squared relative distance to the table, noise included.
     pub cost: f64,
@@ -41,7 +41,7 @@ pub fn fit_block(
     Ok(PartFit { params: fit.params, cost: fit.cost, evaluations: fit.evaluations })
 }
 
-/// What a slice of the table is.
+/// Kind of a table's slice.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Part {
     /// f_refl.
@@ -51,9 +51,9 @@ pub enum Part {
 }
 
 /// Fits `lobes` lobes to each slice of `table` at `nodes` alone and returns the excess error of each against
-/// `other`, a table of the same yarn and grids and another seed: the floor of what a model of so many lobes
-/// can reach. Squared, and below zero where the slice has less noise than expected, so that means are not
-/// biased; NaN where noise hides it.
+/// `other`, a table of the same yarn and grids with another seed: the least error of a model with so many
+/// lobes. The error is squared, negative where the slice has less noise than expected (so that means are
+/// unbiased), and NaN where noise hides it.
 pub fn fit_single_slices(
     table: &Table,
     other: &Table,

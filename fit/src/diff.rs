@@ -1,4 +1,4 @@
-//! Two models compared: what they evaluate to, their energies, and how far their lobes moved.
+//! Comparison of two models: their values, their energies, and the drift of their lobes.
 
 use crate::error::FitError;
 use crate::lobes::canonical::canonical_order;
@@ -17,7 +17,7 @@ pub struct DiffTolerance {
     pub l2: f64,
     /// Energy of a slice, absolute (1 = the whole beam).
     pub energy: f64,
-    /// Turn of a lobe's axis [rad]; infinite by default, since different lobes may make one density.
+    /// Turn of a lobe's axis [rad]; infinite by default, since different lobes may give the same density.
     pub drift_rad: f64,
 }
 
@@ -27,7 +27,7 @@ impl Default for DiffTolerance {
     }
 }
 
-/// How the lobes of matched pairs differ, the largest over lobes of at least 2 % of their slice's energy.
+/// Largest differences between matched lobes, over lobes of at least 2 % of their slice's energy.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct LobeDrift {
     /// Angle between the axes [rad].
@@ -38,16 +38,16 @@ pub struct LobeDrift {
     pub share: f64,
 }
 
-/// Differences per slice. Slices are taken at the nodes and, for `*_between`, at the centers of the cells.
+/// Differences per slice, at the nodes and, for `*_between`, at the centers of the cells.
 #[derive(Clone, Debug, PartialEq)]
 pub struct DiffReport {
     /// `[M][H]`: relative L2 distance of f_refl.
     pub refl: Vec<f64>,
     /// `[M][H][K]`: relative L2 distance of f_high.
     pub high: Vec<f64>,
-    /// `[M-1][H-1]`: of f_refl at the centers of the cells.
+    /// `[M-1][H-1]`: relative L2 distance of f_refl at the centers of the cells.
     pub refl_between: Vec<f64>,
-    /// `[M-1][H-1]`: of f_high at sigma = 0 at the centers of the cells.
+    /// `[M-1][H-1]`: relative L2 distance of f_high at sigma = 0 at the centers of the cells.
     pub high_between: Vec<f64>,
     /// Largest difference of r_d, the energy of f_refl or of f_high at sigma_k over the nodes and half way
     /// between them.
@@ -64,7 +64,7 @@ pub struct DiffReport {
 
 /// Bins of the comparison: 4 degrees.
 const GRID: OutgoingGrid = OutgoingGrid { theta_o: 45, phi_o: 90 };
-/// Slices dimmer than this fraction of the brightest one are compared relative to that fraction of it.
+/// Slices below this fraction of the brightest one are compared relative to that fraction of it.
 const FLOOR: f64 = 1e-3;
 
 struct SliceDiff {

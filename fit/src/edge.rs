@@ -34,7 +34,7 @@ impl Default for EdgeOptions {
     }
 }
 
-/// Lobes and how well they follow the diffraction integral.
+/// Lobes and their errors against the diffraction integral.
 #[derive(Clone, Debug, PartialEq)]
 pub struct EdgeFit {
     /// The lobes, for a model.
@@ -60,7 +60,7 @@ pub fn fit_edge_lobes(beam: &GaussianBeam, radius_um: f64, options: &EdgeOptions
     let (mut ln_mu, mut error) = (Vec::new(), Vec::new());
     for lambda in &lambda_um {
         let hemisphere = Hemisphere::new(beam, *lambda);
-        // The uncut beam's, then each from its neighbor's.
+        // Start from the uncut beam's bandwidths, then from the neighbor's.
         let mut start = [beam_mu(beam.w0_um, *lambda).ln(); 2];
         for inside in &inside_um {
             let pattern = hemisphere.pattern(*inside);
@@ -80,7 +80,7 @@ pub fn edge_error(beam: &GaussianBeam, lambda_um: f64, inside_um: f64, ln_mu: [f
     hemisphere.cost(&pattern, ln_mu, &mut [0.0; 2]).sqrt()
 }
 
-/// Least width [um] of an aperture, for the node where it has closed.
+/// Least width [um] of an aperture, for the node where it is closed.
 const MIN_WIDTH_UM: f64 = 1e-3;
 
 /// A quarter of the forward hemisphere (pattern and lobe are even in u and w), in the variables u and psi,
@@ -119,7 +119,7 @@ fn square([re, im]: [f64; 2]) -> f64 {
 
 impl<'a> Hemisphere<'a> {
     fn new(beam: &'a GaussianBeam, lambda_um: f64) -> Self {
-        // Half a standard deviation of the uncut beam a panel.
+        // Panels of half a standard deviation of the uncut beam.
         let step = 0.5 / (2.0 * beam_mu(beam.w0_um, lambda_um)).sqrt();
         let columns = panels(step, FRAC_PI_2);
         let (d, w0) = (beam.d_cut_um, beam.w0_um);
@@ -163,7 +163,7 @@ impl<'a> Hemisphere<'a> {
         let (unit, d1, d2) = unit_energy_gradient(mu[0], mu[1]);
         let (mut cost, mut g) = (0.0, [0.0; 2]);
         for ((_, row), line) in self.rows.iter().zip(&pattern.value) {
-            // One factor of the exponential is shared by the row.
+            // The row shares one factor of the exponential.
             let across = (-mu[0] * row[0][0]).exp() / unit;
             for ([u2, w2, c, area], v) in row.iter().zip(line) {
                 let lobe = across * (-mu[1] * w2).exp() * c;
@@ -223,7 +223,7 @@ mod tests {
             let node = |e: usize| [fit.lobes.ln_mu[(l * 3 + e) * 2], fit.lobes.ln_mu[(l * 3 + e) * 2 + 1]];
             let beam = beam_mu(BEAM.w0_um, *lambda).ln();
             let [open1, open2] = node(0);
-            // The cut at 2 w0 takes the edge off the field: it widens the lobe a little.
+            // The cut at 2 w0 removes the edge of the field, which widens the lobe a little.
             assert!((open1 - beam).abs() < 0.05 && (open2 - beam).abs() < 0.05, "{open1} {open2} {beam}");
             assert!(fit.error[l * 3] < 0.05, "{}", fit.error[l * 3]);
             let [half1, half2] = node(1);

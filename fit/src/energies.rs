@@ -5,15 +5,14 @@ use plywave::ply::{PlyData, PlyEnergies, spline_coefficients};
 use plywave::table::{Table, TableEnergies};
 use rayon::prelude::*;
 
-/// Most that the shares of a coefficient add up to, as of a table's nodes: beside a sudden fall splines swing
-/// over.
+/// Largest sum of the shares of a coefficient, as at a table's nodes: splines overshoot beside a sudden fall.
 const MAX: f64 = 1.049;
 
-/// The splines of a table's energies, and the path lengths [um] of their spectra: these, or those that fit
-/// the table best.
+/// The splines of a table's energies, and the path lengths [um] of their spectra: the given ones, or those
+/// that fit the table best.
 ///
-/// Coefficients sharpen what the splines blur, noise too: what falls below 0 by that is set to 0, and the sum
-/// of the shares at sigma = 0 is kept.
+/// The coefficients undo the blur of the splines, which sharpens noise too. Values that fall below 0 are set
+/// to 0, and the sum of the shares at sigma = 0 is kept.
 pub(crate) fn energy_splines(table: &Table, path_um: Option<&[f64]>) -> (PlyEnergies, Vec<f64>) {
     let energies = &*table.fine_energies();
     let TableEnergies { miss_theta_i, miss_h_um, share_theta_i, share_h_um, .. } = energies.clone();
@@ -54,7 +53,7 @@ fn missed(energies: &TableEnergies) -> Vec<f64> {
     spline_coefficients(&energies.miss, rows, columns).into_iter().map(|c| c.clamp(0.0, 1.0)).collect()
 }
 
-/// Whether a model was fitted to this very table, by its missed light: tables of other seeds or numbers of
+/// Whether a model was fitted to this table, judged by its missed light: tables of other seeds or numbers of
 /// paths have other noise.
 pub fn has_energies_of(model: &PlyData, table: &Table) -> bool {
     let (own, held) = (missed(&table.fine_energies()), &model.energies.miss);

@@ -1,6 +1,6 @@
 //! Errors of the fitter: values, not prose. Each prints as one line.
 
-/// What a fit can refuse.
+/// Errors of a fit.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum FitError {
     /// A table's field has a length or value that cannot be fitted.
@@ -16,7 +16,7 @@ pub enum FitError {
     /// The model of a table could not be saved, whatever its lobes.
     #[error("table: {key} = {value} of its model: {hint}; such a model could not be saved")]
     Unsavable {
-        /// What of the model.
+        /// Field of the model.
         key: String,
         /// Its value.
         value: String,

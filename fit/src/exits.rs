@@ -1,10 +1,10 @@
-//! Where light leaves a ply, from the exits that a table recorded.
+//! Exit positions of a ply, fitted to the exits in a table.
 //!
-//! At an incidence, an absorption and an azimuth the table has the distribution of the lateral position t at
-//! which light leaves. The polynomials of the azimuth (`plywave::ply::ExitOffsets`) are those nearest to its
-//! mean, in least squares weighted by the light of the azimuth, each absorption alike. About these means the
-//! densities have the lengths, one a kind for all incidences, whose cumulative shares come nearest to the
-//! recorded ones, in least squares weighted by the light.
+//! At each incidence, absorption and azimuth the table has the distribution of the lateral position t at
+//! which light leaves. Polynomials of the azimuth (`plywave::ply::ExitOffsets`) are fitted to its mean by
+//! least squares, weighted by the light of the azimuth, with equal weight for each absorption. The densities
+//! about these means have one length per kind for all incidences, fitted to the recorded cumulative shares by
+//! least squares weighted by the light.
 
 use plywave::ply::{
     EXIT_KINDS, EXIT_LENGTH_UM, EXIT_LENGTHS, EXIT_TERMS, ExitOffsets, ExitShape, USUAL_EXIT_LENGTHS, exit_terms,
@@ -12,11 +12,11 @@ use plywave::ply::{
 use plywave::table::Table;
 use rayon::prelude::*;
 
-/// Lengths that are tried, even in their logarithm, and rounds of looking for those of clear and of dark
-/// fibers, which go together.
+/// Number of trial lengths, evenly spaced in their logarithm, and rounds of the search for those of clear and
+/// of dark fibers, which depend on each other.
 const TRIED: usize = 28;
 const ROUNDS: usize = 3;
-/// Share of the light with a kind below which its length cannot be told.
+/// Share of the light of a kind below which its length is undetermined.
 const MIN_LIGHT: f64 = 1e-3;
 
 /// Normal equations of `N` coefficients.
@@ -37,7 +37,7 @@ impl<const N: usize> Fit<N> {
     }
 
     fn solve(mut self) -> [f64; N] {
-        // Where hardly any light tells, the offset is small.
+        // Where there is hardly any light, the offset is small.
         let ridge = 1e-3 * self.normal.trace() / N as f64 + 1e-12;
         for i in 0..N {
             self.normal[(i, i)] += ridge;
@@ -46,20 +46,20 @@ impl<const N: usize> Fit<N> {
     }
 }
 
-/// Light of one incidence, absorption and azimuth, as the table recorded its exits.
+/// Exits of one incidence, absorption and azimuth, as in the table.
 struct Recorded<'a> {
     incidence: usize,
     /// 0 for single reflection, then the absorptions.
     channel: usize,
     terms: [f32; EXIT_TERMS],
     light: f64,
-    /// Of the light of all azimuths.
+    /// Share of the light of all azimuths.
     part: f64,
-    /// Over equal parts of [-1, 1].
+    /// Shares over equal parts of [-1, 1].
     shares: &'a [f32],
 }
 
-/// What a table recorded, but for azimuths without light; nothing of one without exits.
+/// Exits of a table, except at azimuths without light; empty for a table without exits.
 fn recorded(table: &Table) -> Vec<Recorded<'_>> {
     let Some(exit) = table.exit.as_ref() else { return Vec::new() };
     let (h, channels) = (table.h_um.len(), 1 + table.sigma_per_um.len());
@@ -86,13 +86,13 @@ fn recorded(table: &Table) -> Vec<Recorded<'_>> {
     found
 }
 
-/// Share v of the clear fibers' kind by channel; 0 for single reflection, which is a kind of its own.
+/// Share v of the clear fibers' kind by channel; 0 for single reflection, which is a separate kind.
 fn clear_shares(table: &Table) -> Vec<f64> {
     let of = |sigma: &f64| 1.0 / (1.0 + EXIT_LENGTH_UM * sigma);
     std::iter::once(0.0).chain(table.sigma_per_um.iter().map(of)).collect()
 }
 
-/// The offsets of a table; `None` for one without exits.
+/// Fits the offsets of a table; `None` for a table without exits.
 pub fn fit_exits(table: &Table) -> Option<ExitOffsets> {
     table.exit.as_ref()?;
     let (all, clear) = (recorded(table), clear_shares(table));
@@ -119,11 +119,11 @@ pub fn fit_exits(table: &Table) -> Option<ExitOffsets> {
     Some(ExitOffsets { mean, length })
 }
 
-/// Lengths of the densities about the means of a table's exits, `[M][H][EXIT_KINDS][EXIT_TERMS]`, over R; the
-/// usual one of a kind without light.
+/// Lengths of the densities, over R, about the means `[M][H][EXIT_KINDS][EXIT_TERMS]` of a table's exits; the
+/// default length for a kind without light.
 ///
 /// # Panics
-/// For means of other nodes than the table's.
+/// If the nodes of the means differ from the table's.
 pub fn fit_exit_lengths(table: &Table, mean: &[f64]) -> [f64; EXIT_KINDS] {
     lengths(&recorded(table), &clear_shares(table), mean)
 }
@@ -178,7 +178,7 @@ fn lengths(all: &[Recorded<'_>], clear: &[f64], mean: &[f64]) -> [f64; EXIT_KIND
                 .collect();
             let least = (0..TRIED).min_by(|i, j| errors[*i].total_cmp(&errors[*j])).unwrap_or(best[kind]);
             best[kind] = least;
-            // The lowest point of a parabola through it and its neighbors.
+            // The minimum of a parabola through it and its neighbors.
             let step = match errors.get(least.wrapping_sub(1)..least + 2) {
                 Some([a, b, c]) if a + c > 2.0 * b => 0.5 * (a - c) / (a - 2.0 * b + c),
                 _ => 0.0,
@@ -215,7 +215,7 @@ fn light(table: &Table, slice: &[f32], azimuth: usize, azimuths: usize) -> f64 {
 mod tests {
     use super::*;
 
-    /// Means of light from a place of the section are found as they are.
+    /// The fit finds the known means of light from a point of the section.
     #[test]
     fn places_are_found() {
         let [px, py] = [0.4, 0.7f64];

@@ -1,15 +1,14 @@
 //! Lobes of a family of plies, fitted together (`plywave::ply::PlyFamily`).
 //!
-//! Fits of each node alone end in different minima: lobes in another order, axes turned up to 159 degrees.
-//! Between such lobes nothing can be interpolated. Here
+//! Separate fits of the nodes end in different minima: lobes in another order, axes turned by up to 159
+//! degrees. Such lobes cannot be interpolated. Here
 //!
-//! 1. the node in the middle of the family is fitted as a model of its own;
-//! 2. every other node is fitted from the lobes of a neighbor that has been, with no other start and no
-//!    moves: lobe l stays lobe l, and its angles stay those of the same turn, of the same swap of mu1 and
-//!    mu2;
+//! 1. the node in the middle of the family is fitted as a separate model;
+//! 2. every other node is fitted from the lobes of a fitted neighbor, with no other start and no moves. So
+//!    lobe l stays lobe l, and its angles keep their turn and their swap of mu1 and mu2;
 //! 3. the parameters of all nodes are refined together. Slices of tables in the middles of cells are targets
-//!    too, whose lobes are the interpolated ones: what the family evaluates between nodes is in the cost, as
-//!    the five inner slices of a block are in that of a model (Yu 2025, 5.2).
+//!    too, with interpolated lobes: the cost includes the values of the family between nodes, as the cost of
+//!    a model includes the five inner slices of a block (Yu 2025, 5.2).
 //!
 //! Step 3 is `joint_cost` and `dark::refine` with 4 N parameter sets, N nodes of four corners. No lobe is
 //! sorted or brought to canonical form afterwards.
@@ -33,9 +32,9 @@ use std::sync::Arc;
 
 /// A table between the nodes, and the nodes around it with their weights.
 pub struct FamilyMiddle {
-    /// Nodes and weights, which add up to 1.
+    /// Nodes and their weights, which add up to 1.
     pub corners: Vec<(usize, f64)>,
-    /// The simulation there.
+    /// The simulated table there.
     pub table: Arc<Table>,
 }
 
@@ -49,12 +48,12 @@ pub struct FamilyTables<'a> {
     pub nodes: &'a [Arc<Table>],
     /// Tables between them; there may be none.
     pub middles: &'a [FamilyMiddle],
-    /// Edge lobes, those of all.
+    /// Edge lobes, shared by all nodes.
     pub edge: Option<EdgeLobes>,
 }
 
-/// The order in which nodes are fitted: the middle one, then each after a neighbor along an axis; with that
-/// neighbor.
+/// The order in which nodes are fitted, each with the neighbor that it starts from: the middle one first,
+/// then each after a neighbor along an axis.
 fn order(axes: &[FamilyAxis]) -> Vec<(usize, Option<usize>)> {
     let sizes: Vec<usize> = axes.iter().map(|a| a.values.len()).collect();
     let index = |at: &[usize]| at.iter().zip(&sizes).fold(0, |sum, (i, n)| sum * n + i);
@@ -117,7 +116,7 @@ pub fn fit_family(
         }
     }
     let sigmas = first.sigma_per_um.len();
-    // Path lengths for all: those that fit energies of all nodes best.
+    // Common path lengths: those that fit the energies of all nodes best.
     let curves: Vec<Vec<f64>> =
         tables.nodes.iter().flat_map(|t| t.energy_high.chunks_exact(sigmas).map(<[f64]>::to_vec)).collect();
     let every = curves.len().div_ceil(CURVES).max(1);
@@ -166,7 +165,7 @@ pub fn fit_family(
     })
 }
 
-/// What the fits of lobes share.
+/// Data shared by the fits of lobes.
 struct Work<'a> {
     sphere: &'a SphereGrid,
     coarse: Option<SphereGrid>,
@@ -179,15 +178,15 @@ struct Work<'a> {
 }
 
 impl Work<'_> {
-    /// Nodes and weights whose interpolation a table is compared with.
+    /// Nodes and weights of the interpolation that is compared with a table.
     fn corners_of(&self, table: usize) -> Vec<(usize, f64)> {
         let nodes = self.tables.nodes.len();
         if table < nodes { vec![(table, 1.0)] } else { self.tables.middles[table - nodes].corners.clone() }
     }
 }
 
-/// Gives all nodes one grid of r_d, the finest, and those of one pitch their mean: fibers in the way do not
-/// depend on what they are made of.
+/// Gives all nodes the finest grid of r_d, and all nodes of one pitch their mean r_d: it does not depend on
+/// the fibers' material.
 fn share_missed(nodes: &mut [PlyData], axes: &[FamilyAxis]) {
     let pitches = axes.iter().find(|a| a.param == FamilyParam::FiberPitch).map_or(1, |a| a.values.len());
     let per_pitch = nodes.len() / pitches;

@@ -1,4 +1,4 @@
-//! From a table of simulated scattering to a ply model.
+//! Fit of a ply model to a table of simulated scattering.
 
 use crate::check::check_table;
 use crate::energies::energy_splines;
@@ -20,7 +20,7 @@ use plywave::table::Table;
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-/// Part of the work that a [`Progress`] counts.
+/// Stage of the work that a [`Progress`] counts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Stage {
     /// Blocks of high-order slices, lobes and absorption.
@@ -31,22 +31,22 @@ pub enum Stage {
     Errors,
 }
 
-/// How far the fit is.
+/// Progress of a fit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Progress {
-    /// What is counted.
+    /// Stage that is counted.
     pub stage: Stage,
     /// Units done.
     pub done: usize,
-    /// Units in all.
+    /// Total number of units.
     pub total: usize,
 }
 
-/// Most that becomes of the light at a node: 1 and room for the noise of few paths.
+/// Largest sum of the energies at a node: 1 plus room for the noise of few paths.
 const MAX_ENERGY: f64 = 1.05;
 
-/// A model without its lobes: axes, absorption and energies of a table, and these edge lobes. Refused where
-/// it could not be saved, in some milliseconds.
+/// A model without its lobes: axes, absorption and energies of a table, and these edge lobes. Takes
+/// milliseconds, and fails if the model could not be saved.
 ///
 /// # Errors
 /// [`FitError::Table`], [`FitError::Option`], [`FitError::Unsavable`].
@@ -54,7 +54,7 @@ pub fn frame(table: &Table, options: &FitOptions, edge: Option<EdgeLobes>) -> Re
     frame_on(table, options, edge, None)
 }
 
-/// [`frame`] with spectra on these path lengths [um]; without, on those that fit the table best.
+/// As [`frame`], with spectra on these path lengths [um], or if `None` on those that fit the table best.
 pub(crate) fn frame_on(
     table: &Table,
     options: &FitOptions,
@@ -87,7 +87,7 @@ pub(crate) fn frame_on(
         edge,
         noise: None,
     };
-    // The splines' coefficients are kept within bounds: what the table itself has is looked at first.
+    // Splines' coefficients are kept within bounds, so the table's own values are checked first.
     for node in 0..table.r_d.len() {
         let all = table.r_d[node] + table.energy_refl[node] + table.energy_high[node * table.sigma_per_um.len()];
         if all > MAX_ENERGY {
@@ -113,9 +113,9 @@ pub(crate) fn frame_on(
     }
 }
 
-/// Fits a ply model to a table. The lobes of f_refl carry shares of `energy_refl` that add up to 1 at each
-/// node, those of a block of f_high energies up to a common factor; the evaluator scales both to the energies
-/// of the table. The result depends on the table and options alone, not on the number of threads.
+/// Fits a ply model to a table. The lobes of f_refl have shares of `energy_refl` that add up to 1 at each
+/// node; the lobes of a block of f_high have energies up to a common factor. The evaluator scales both to the
+/// energies of the table. The result depends on the table and options alone, not on the number of threads.
 /// `progress` is called from worker threads, after each unit of work.
 pub fn fit(table: &Table, options: &FitOptions, progress: &(dyn Fn(Progress) + Sync)) -> Result<PlyData, FitError> {
     let mut data = frame(table, options, None)?;
@@ -214,15 +214,15 @@ pub fn fit(table: &Table, options: &FitOptions, progress: &(dyn Fn(Progress) + S
     Ok(data)
 }
 
-/// Relative error of high-order slices up to which round lobes serve: beyond, cones are tried.
+/// Relative error of high-order slices above which cones are tried in place of round lobes.
 const ROUND_SERVES: f64 = 0.06;
 
-/// The family that a table needs, told by a few blocks: a third and two thirds of the way along theta_i, in
-/// the middle and half way to the rim, with half the starts.
+/// Chooses the family for a table from a few blocks: a third and two thirds of the way along theta_i, in the
+/// middle and half way to the rim, with half the starts.
 ///
-/// Round lobes, unless their slices are off by more than [`ROUND_SERVES`] (rms) and cones, which have as many
-/// parameters and so take up as much noise, leave less than half of their squared error: a family that every
-/// host evaluates is given up for a gain that shows, and for no less.
+/// The choice is round lobes, which every host evaluates, unless their rms error exceeds [`ROUND_SERVES`] and
+/// cones have less than half of their squared error. Cones have as many parameters, so they fit as much
+/// noise.
 fn needed_family(sphere: &SphereGrid, coarse: Option<&SphereGrid>, table: &Table, options: &FitOptions) -> LobeKind {
     let (rows, columns) = ((table.theta_i.len() - 1) / 2, (table.h_um.len() - 1) / 2);
     let effort = BlockEffort { starts: options.block.starts.div_ceil(2), moves: 0, ..options.block };
@@ -291,7 +291,7 @@ pub(crate) fn dark_slices(
         .collect()
 }
 
-/// What the nine slices of a block say about the absorption of lobes.
+/// Inner products of a block's nine slices, for the absorption of its lobes.
 pub(crate) fn block_products(
     sphere: &SphereGrid,
     table: &Table,

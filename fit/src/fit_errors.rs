@@ -12,14 +12,14 @@ use rayon::prelude::*;
 /// Excess errors `sqrt(max(0, |model - table|^2 - noise) / |table|^2)`, |table|^2 with its own noise removed
 /// too. A slice whose noise is more than half of its norm has no meaningful figure and holds NaN.
 ///
-/// The noise that is subtracted is an expectation; what a slice really has scatters about it, so that one
-/// slice's figure is only good to about `sqrt(noise / |table|^2) (2 / bins)^(1/4)`: 0.03 for a standard
-/// table. Means add the squares with their signs, below zero too, and are good to far less.
+/// The subtracted noise is an expectation. The actual noise of a slice scatters about it, so the uncertainty
+/// of one slice's figure is about `sqrt(noise / |table|^2) (2 / bins)^(1/4)`: 0.03 for a standard table.
+/// Means add the squares with their signs, negative ones too, and are far more accurate.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FitErrors {
-    /// `[M][H]`: of f_refl.
+    /// `[M][H]`: error of f_refl.
     pub refl: Vec<f64>,
-    /// `[M][H][K]`: of f_high, rms over the blocks that hold the node.
+    /// `[M][H][K]`: error of f_high, rms over the blocks that contain the node.
     pub high: Vec<f64>,
     /// `[(M-1)/2][(H-1)/2][K]`: rms over the nine slices of each block.
     pub block: Vec<f64>,
@@ -34,8 +34,8 @@ pub struct FitErrors {
     pub energy_high: Vec<f64>,
 }
 
-/// Squared excess error of one slice, below zero where the slice has less noise than expected; None where
-/// noise hides it.
+/// Squared excess error of one slice, negative if the slice has less noise than expected; None where noise
+/// hides it.
 pub(crate) fn excess2(distance2: f64, norm2: f64, noise: f64) -> Option<f64> {
     let signal = norm2 - noise;
     (signal > 0.5 * norm2 && norm2 > 0.0).then(|| (distance2 - noise) / signal)
@@ -51,20 +51,20 @@ fn rms(values: impl Iterator<Item = f64>) -> f64 {
     if count == 0 { f64::NAN } else { root(sum / count as f64) }
 }
 
-/// Square root of a squared error that may have come out below zero.
+/// Square root of a squared error that may be negative.
 fn root(squared: f64) -> f64 {
     squared.max(0.0).sqrt()
 }
 
-/// The place of node `(m, n)` of a model with `rows` x `columns` nodes.
+/// The cell of node `(m, n)` in a model of `rows` x `columns` nodes.
 pub(crate) fn node_place(m: usize, n: usize, rows: usize, columns: usize) -> GridCell {
     let (m0, n0) = (m.min(rows - 2), n.min(columns - 2));
     GridCell { m: m0, s: (m - m0) as f64, n: n0, t: (n - n0) as f64 }
 }
 
-/// Errors of `model` against `table`, which must have the same incidences and absorption coefficients.
-/// Against the table of the fit the figures are optimistic by what the fit took up of its noise: use one of
-/// another seed.
+/// Errors of `model` against `table`, which must have the same incidences and absorption coefficients. Errors
+/// against the table of the fit are optimistic, because the fit follows its noise: use a table of another
+/// seed.
 pub fn errors(model: &PlyData, table: &Table) -> Result<FitErrors, FitError> {
     check_table(table)?;
     let same = |a: &[f64], b: &[f64]| {

@@ -1,11 +1,11 @@
-//! Fits of Khungurn's fiber model: to the scattering of another fiber, a table by waves or rays among them,
-//! and to the reflectance of a swatch by dual scattering.
+//! Fits of Khungurn's fiber model to the scattering of another fiber (also a table by waves or rays), and to
+//! the reflectance of a swatch by dual scattering.
 //!
 //! The lobes are separable: for light at a latitude theta_i, f is
 //! `F L_R(theta_o) / (2 pi) + (1 - F) C_TT L_TT(theta_o) v(phi)` with `L = cos theta_o g / G`. So a cost over
-//! a product of latitudes and azimuths needs one row of each lobe a latitude, and its gradient their
-//! derivatives, which are closed but for the integrals G, `integral of t^2 g cos^2` and I_1/I_0.
-//! Widths are fitted by their logarithms, shares as they are, within [0, 1]; all by [`minimize`].
+//! a product of latitudes and azimuths needs one row of each lobe per latitude. Its gradient needs the
+//! derivatives of the rows, which have closed forms except for the integrals G, `integral of t^2 g cos^2` and
+//! I_1/I_0. [`minimize`] fits widths by their logarithms and shares directly, within [0, 1].
 
 use crate::{CostGradient, LbfgsbError, LbfgsbOptions, LbfgsbSolution, minimize};
 use plywave::fiber::{KhungurnFiber, KhungurnParameters, Reflectance};
@@ -13,24 +13,24 @@ use plywave::frame::direction;
 use plywave::{Bsdf, FiberModel, FiberQuery};
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
-/// What a fit of Khungurn's model can refuse.
+/// Errors of a fit of Khungurn's model.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum KhungurnFitError {
-    /// A number of the target or the options.
+    /// A number of the target or the options is out of range.
     #[error("Khungurn fit: {name} = {value}: {hint}")]
     Input {
-        /// Which.
+        /// Name of the number.
         name: &'static str,
         /// Its value as text.
         value: String,
         /// What would be accepted.
         hint: &'static str,
     },
-    /// The start, or the result, is no model.
+    /// The start or the result is not a valid model.
     #[error(transparent)]
     Model(#[from] plywave::Error),
-    /// The minimizer's.
+    /// Error of the minimizer.
     #[error(transparent)]
     Solver(#[from] LbfgsbError),
 }
@@ -42,7 +42,7 @@ fn input(name: &'static str, value: impl ToString, hint: &'static str) -> Khungu
 /// A fitted model.
 #[derive(Clone, Debug)]
 pub struct KhungurnFit {
-    /// The parameters; C_R and C_TT have a node a wavelength.
+    /// The parameters; C_R and C_TT have one node per wavelength.
     pub parameters: KhungurnParameters,
     /// Root of the cost: the L2 distance as a share of the target's norm.
     pub error: f64,
@@ -52,7 +52,7 @@ pub struct KhungurnFit {
 
 /// Bounds of the widths: those of the model, narrowed to what the grid of a fit resolves.
 const WIDTHS: [[f64; 2]; 3] = [[0.03, 3.0], [0.03, 3.0], [0.06, 30.0]];
-/// Latitudes of the light that a fit to scattering looks at [rad].
+/// Latitudes of incident light in a fit to scattering [rad].
 const THETA_I: [f64; 5] = [0.0, 0.3, 0.6, 0.9, 1.2];
 /// Latitudes and azimuths of the scattered light.
 const ROWS: usize = 160;
@@ -116,13 +116,13 @@ fn options() -> LbfgsbOptions {
     LbfgsbOptions { memory: 20, pgtol: 1e-9, ftol: 1e-15, max_iterations: 2000, ..LbfgsbOptions::default() }
 }
 
-/// The model whose scattering is nearest to that of `target` at these wavelengths, in the L2 sense over the
-/// sphere at five latitudes of light, weighted by the power that the fiber takes of light from all sides,
-/// `cos^2 theta_i`, of the mean over `turns` azimuths of light (1 for a round fiber). Lobes narrower than
+/// Fits the model to the scattering of `target` at these wavelengths, in the L2 norm over the sphere at five
+/// latitudes of light. The target is a mean over `turns` azimuths of light (1 for a round fiber). Latitudes
+/// are weighted by `cos^2 theta_i`, the power that the fiber receives from even light. Lobes narrower than
 /// 0.03 rad are not resolved.
 ///
 /// # Errors
-/// A wavelength or absorption that is not finite, no light in the target, a start that is no model.
+/// A wavelength or absorption that is not finite, a target without light, a start that is not a valid model.
 pub fn fit_khungurn(
     target: &FiberModel,
     lambda_um: &[f64],
@@ -207,7 +207,7 @@ fn longitudinal(theta_i: f64, beta: f64) -> Vec<[f64; 2]> {
         .collect()
 }
 
-/// A von Mises density about pi, by quadrature where it needs integrals.
+/// A von Mises density about pi; integrals by quadrature.
 struct Azimuth {
     kappa: f64,
     /// `2 pi i0e(kappa)` and I_1/I_0.
@@ -236,8 +236,8 @@ impl Azimuth {
         [value, -2.0 * self.kappa * value * (x.cos() - self.mean_cos)]
     }
 
-    /// Share of the light that goes forward on the average over the azimuths of light, `1 - E|x|/pi`
-    /// (Khungurn 2015, 3.1), and its derivative by ln gamma.
+    /// Share of the light that goes forward, averaged over the azimuths of light, `1 - E|x|/pi` (Khungurn
+    /// 2015, 3.1), and its derivative by ln gamma.
     fn forward(&self) -> [f64; 2] {
         let n = 4000;
         let reach = PI.min(9.0 / self.kappa.sqrt());
@@ -298,47 +298,48 @@ impl CostGradient for Scattering {
     }
 }
 
-/// Reflectance of a swatch of aligned fibers under light at a latitude, all azimuths of its half: measured,
-/// or of a photograph of a surface beside a white standard.
+/// Reflectance of a swatch of aligned fibers under light at one latitude and all azimuths of its half space:
+/// measured, or from a photograph of a surface beside a white standard.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SwatchSample {
     /// Latitude of the light in the fibers' frame [rad].
     pub theta_i: f64,
     /// Wavelength [um].
     pub lambda_um: f64,
-    /// Share of the light that comes back, 0 to 1.
+    /// Reflected share of the light, 0 to 1.
     pub reflectance: f64,
 }
 
-/// How a swatch is fitted.
+/// Options of a fit to a swatch.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SwatchOptions {
     /// Layers of fibers, 1 or more; `None` for an opaque swatch.
     pub layers: Option<u32>,
-    /// Whether C_R is fitted: needs several latitudes.
+    /// Whether to fit C_R, which needs several latitudes.
     pub c_r: bool,
-    /// Whether gamma_TT is, in place of C_R: needs several latitudes.
+    /// Whether to fit gamma_TT in place of C_R, which needs several latitudes.
     pub gamma_tt: bool,
 }
 
 impl Default for SwatchOptions {
-    /// Opaque; C_TT alone.
+    /// An opaque swatch; only C_TT is fitted.
     fn default() -> Self {
         SwatchOptions { layers: None, c_r: false, gamma_tt: false }
     }
 }
 
-/// The model whose layers reflect what the samples say: `a_b + A_b` with all orders of backscattering, or
-/// that of a number of layers. The longitudinal widths have no part in it and stay those of the start, as
-/// does what the options do not fit.
+/// Fits the model to the reflectance of the samples: `a_b + A_b` with all orders of backscattering, or that
+/// of a number of layers. The longitudinal widths do not matter and stay those of the start, as do parameters
+/// that the options do not fit.
 ///
-/// With `u = 1 - (1 - cos theta_i)^5` and s the share of TT that goes on,
-/// `a_f = 1/2 + u (1 - C_R) (C_TT s - 1/2)` and `a_b = 1/2 + u (1 - C_R) (C_TT (1 - s) - 1/2)`: two numbers a
-/// wavelength, whatever the latitudes, for C_R, C_TT and an s that all wavelengths share. So no reflectance
-/// tells C_R and gamma_TT apart, and one of the two must be known.
+/// With `u = 1 - (1 - cos theta_i)^5` and s the share of TT that goes forward,
+/// `a_f = 1/2 + u (1 - C_R) (C_TT s - 1/2)` and `a_b = 1/2 + u (1 - C_R) (C_TT (1 - s) - 1/2)`: two numbers
+/// per wavelength, whatever the latitudes, for C_R, C_TT and an s that all wavelengths share. So reflectances
+/// cannot separate C_R and gamma_TT, and one of the two must be known.
 ///
 /// # Errors
-/// No sample or layer, a number out of range, C_R and gamma_TT asked for together, a start that is no model.
+/// No sample or layer, a number out of range, a fit of both C_R and gamma_TT, a start that is not a valid
+/// model.
 pub fn fit_khungurn_swatch(
     samples: &[SwatchSample],
     options: &SwatchOptions,
@@ -370,14 +371,14 @@ pub fn fit_khungurn_swatch(
     let objective = Swatch { samples, lambda_um: &lambda_um, layers: options.layers, norm: norm.max(1e-12) };
     let mut x = start_vector(start, &lambda_um);
     let [mut lower, mut upper] = bounds(lambda_um.len());
-    // A white fiber is where the reflectance turns over: its slope is infinite.
+    // At a white fiber the slope of the reflectance is infinite.
     let whitest = 1.0 - 1e-6;
     upper[3 + lambda_um.len()..].fill(whitest);
     let fixed =
         |k: usize| k < 2 || (k == 2 && !options.gamma_tt) || ((3..3 + lambda_um.len()).contains(&k) && !options.c_r);
     for k in 0..x.len() {
         x[k] = x[k].clamp(lower[k], upper[k]);
-        // Off the bounds, where the start would stand still.
+        // Start off the bounds, where the gradient would not move it.
         if k >= 3 + lambda_um.len() {
             x[k] = x[k].clamp(0.02, 0.98);
         }
@@ -400,7 +401,7 @@ struct Swatch<'a> {
     norm: f64,
 }
 
-/// Reflectance of layers that send `f` on and `b` back, and its derivatives by both.
+/// Reflectance of layers that transmit `f` and reflect `b`, and its derivatives by both.
 fn layers_reflect(f: f64, b: f64, layers: Option<u32>) -> [f64; 3] {
     let Some(layers) = layers else {
         // b R^2 - (1 + b^2 - f^2) R + b = 0: the lesser root, without cancellation, and its derivatives.
@@ -463,7 +464,7 @@ mod tests {
         }
     }
 
-    /// Without noise C_TT comes back with C_R, or with gamma_TT.
+    /// Without noise the fit recovers C_TT with C_R, or with gamma_TT.
     #[test]
     fn planted_swatch_without_noise_comes_back() {
         let share = Azimuth::new(0.52).forward()[0];

@@ -3,14 +3,14 @@
 //!
 //! Forward is the half space y < 0 of the ply frame, phi_o in (pi, 2 pi). Diffuse light comes with the
 //! density cos(theta) cos(alpha) of its projected solid angle cos(theta) d theta d alpha about the layer's
-//! normal, alpha its azimuth about the ply. Light scattered to an azimuth delta beyond the one it came from
-//! stays above the layer when |alpha + delta| < pi/2. Averaged over alpha, that has the probability
+//! normal, alpha its azimuth about the ply. Light scattered by an azimuth delta from its own azimuth stays
+//! above the layer when |alpha + delta| < pi/2. Averaged over alpha, that has the probability
 //!
 //! ```text
 //! 1/2 integral from -pi/2 to pi/2 - delta of cos(alpha) d alpha = (1 + cos delta) / 2,      cos delta = sin phi_o
 //! ```
 //!
-//! and over theta the weight cos^2(theta). Latitudes beyond the last node carry that node's share.
+//! and over theta the weight cos^2(theta). Latitudes beyond the last node use that node's share.
 
 use crate::lobes::absorption::energy_spectrum;
 use crate::lobes::model::{energies, evaluate, high_lobes, locate, refl_lobes};
@@ -22,7 +22,7 @@ use rayon::prelude::*;
 /// Bins of the quadrature over the outgoing sphere; halves and quarters of the azimuth fall between bins.
 const GRID: OutgoingGrid = OutgoingGrid { theta_o: 90, phi_o: 180 };
 
-/// Shares of a slice's light that go forward, and that stay above the layer when the light came diffuse.
+/// Shares of a slice's light that go forward, and that stay above the layer under diffuse light.
 fn shares(sphere: &SphereGrid, slice: &PaddedSlice) -> (f64, f64) {
     let values = sphere.unpad(slice);
     let (mut all, mut forward, mut above) = (0.0, 0.0, 0.0);
@@ -40,7 +40,7 @@ fn shares(sphere: &SphereGrid, slice: &PaddedSlice) -> (f64, f64) {
 /// Layer factors of a fitted model.
 pub fn layer_factors(data: &PlyData) -> LayerFactors {
     let sphere = SphereGrid::new(GRID);
-    // The nodes and the places half way between them.
+    // The nodes and the points half way between them.
     let (rows, columns, sigma) = (2 * data.theta_i.len() - 1, 2 * data.h_um.len() - 1, &data.sigma_per_um);
     let theta = |m: usize| data.theta_i[data.theta_i.len() - 1] * m as f64 / (rows - 1) as f64;
     let place = |node: usize| {
@@ -48,8 +48,8 @@ pub fn layer_factors(data: &PlyData) -> LayerFactors {
         locate(data, theta(node / columns), h)
     };
     let size = 1 + data.path_um.len();
-    // Of each node: forward energy of f_refl and its spectrum of f_high; energy that stays above diffuse
-    // light, and all, as [1 + K].
+    // Per node: forward energy of f_refl and its spectrum of f_high; energy that stays above the layer under
+    // diffuse light, and total energy, as [1 + K].
     type Node = (Vec<f64>, Vec<f64>, Vec<f64>);
     let nodes: Vec<Node> = (0..rows * columns)
         .into_par_iter()

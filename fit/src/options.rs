@@ -1,11 +1,11 @@
-//! How hard to fit: numbers of lobes and iterations, with presets.
+//! Effort of a fit: numbers of lobes and iterations, with presets.
 
 use crate::error::FitError;
 use crate::lobes::block::BlockEffort;
 use crate::lobes::reflection::ReflectionEffort;
 use plywave::ply::LobeKind;
 
-/// How hard and with how many lobes to fit.
+/// Effort and numbers of lobes of a fit.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FitOptions {
     /// Reflection lobes per incidence; 1 is the paper's choice, which cannot wrap a distribution wider than a
@@ -13,7 +13,7 @@ pub struct FitOptions {
     pub lobes_refl: usize,
     /// High-order lobes.
     pub lobes_high: usize,
-    /// Which lobes; those that the table needs, where it is not said.
+    /// Family of lobes; `None` chooses the one that the table needs.
     pub family: Option<LobeKind>,
     /// Effort of a block of high-order slices.
     pub block: BlockEffort,
@@ -23,12 +23,12 @@ pub struct FitOptions {
     pub absorption_iterations: usize,
     /// Iterations of the joint refinement of a block's lobes and spectra at all sigma.
     pub dark_iterations: usize,
-    /// Weight in it of a slice at sigma > 0 against one at sigma = 0.
+    /// Weight of a slice at sigma > 0 in that refinement, relative to one at sigma = 0.
     pub dark_share: f64,
 }
 
 impl FitOptions {
-    /// Seconds: for a first look.
+    /// Preset for a first look: takes seconds.
     pub fn preview() -> Self {
         FitOptions {
             block: BlockEffort {
@@ -46,7 +46,7 @@ impl FitOptions {
         }
     }
 
-    /// The errors of the README.
+    /// Preset with the errors in the README.
     pub fn standard() -> Self {
         FitOptions {
             lobes_refl: 3,
@@ -67,7 +67,7 @@ impl FitOptions {
         }
     }
 
-    /// Everything the minimizer can find.
+    /// Preset with the least error that the minimizer can reach.
     pub fn reference() -> Self {
         FitOptions {
             block: BlockEffort {

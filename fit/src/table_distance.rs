@@ -10,7 +10,7 @@ use plywave::ply::PlyData;
 use plywave::table::Table;
 use rayon::prelude::*;
 
-/// Distances at the incidences and absorptions that both hold.
+/// Distances at the common incidences and absorptions.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TableDistance {
     /// `[M]`: incident latitudes [rad].
@@ -19,24 +19,24 @@ pub struct TableDistance {
     pub h_um: Vec<f64>,
     /// `[K]`: absorptions [1/um].
     pub sigma_per_um: Vec<f64>,
-    /// `[M][H]`: squared relative L2 distance of f_refl, the noise of both subtracted; below zero where it is
-    /// less than expected, NaN where noise hides it.
+    /// `[M][H]`: squared relative L2 distance of f_refl, with the noise of both subtracted; negative where
+    /// the noise is less than expected, NaN where noise hides it.
     pub refl2: Vec<f64>,
     /// `[M][H][K]`: the same of f_high.
     pub high2: Vec<f64>,
-    /// `[M][H]`: energy of the first less that of the second, f_refl.
+    /// `[M][H]`: energy of f_refl in the first table minus that in the second.
     pub energy_refl: Vec<f64>,
-    /// `[M][H][K]`: the same of f_high.
+    /// `[M][H][K]`: the same for f_high.
     pub energy_high: Vec<f64>,
-    /// `[M][H]`: the same of r_d.
+    /// `[M][H]`: the same for r_d.
     pub r_d: Vec<f64>,
 }
 
-/// Distance of `a` to `b`, relative to `b`. Bins must be the same, incidences and absorptions need to be in
-/// part.
+/// Distance of `a` to `b`, relative to `b`. Both must have the same bins and some common incidences and
+/// absorptions.
 ///
 /// # Errors
-/// [`FitError::Axes`] when bins differ or nothing is common to an axis, [`FitError::Table`].
+/// [`FitError::Axes`] when bins differ or an axis has no common node, [`FitError::Table`].
 pub fn table_distance(a: &Table, b: &Table) -> Result<TableDistance, FitError> {
     check_table(a)?;
     check_table(b)?;
@@ -80,7 +80,7 @@ pub fn table_distance(a: &Table, b: &Table) -> Result<TableDistance, FitError> {
                     apart += a.grid.solid_angle(i) * d;
                     norm += a.grid.solid_angle(i) * n;
                 }
-                // The first's noise is in the distance alone.
+                // The noise of the first is in the distance alone.
                 excess2(apart - noise[0], norm, noise[1]).unwrap_or(f64::NAN)
             };
             out.r_d.push(a.r_d[ia] - b.r_d[ib]);
@@ -100,7 +100,7 @@ pub fn table_distance(a: &Table, b: &Table) -> Result<TableDistance, FitError> {
 
 /// Distance of a fitted model to the table `reference`, relative to it, at the table's incidences up to
 /// `theta_i` [rad] and |h| `h_um`, between the model's nodes too, and at all of the table's absorptions.
-/// Noise that the model took from its own table is part of the distance.
+/// Noise that the model fitted in its own table is part of the distance.
 ///
 /// # Errors
 /// [`FitError::Axes`] when no incidence remains, or one lies beyond the model's nodes; [`FitError::Table`].

@@ -6,7 +6,7 @@
     f = model.eval(theta_i=0.5, h_um=10.0, omega_o=np.array([0.0, 1.0, 0.0]), sigma_per_um=[0.001, 0.004, 0.010])
 
 Angles are in radians, lengths in um, absorption in 1/um, densities in 1/sr. `Model`, `Fabric` and `Fiber` have `eval`, `pdf`, `sample` and `albedo` on arrays that broadcast;
-`build` makes a model of a yarn spec. What is refused raises `Error` with one line. Docs: docs/reference/python_api.md of the repository.
+`build` makes a model of a yarn spec. Bad input raises `Error` with one line. Docs: docs/reference/python_api.md of the repository.
 """
 
 from ._plywave import RGB_LAMBDA_UM, Error, __version__

@@ -26,9 +26,9 @@ class Fabric:
     - `wo` `[..., 3]`: direction towards the viewer, unit; z is the normal of the fabric's face.
     - `wi` `[..., 3]`: direction towards the light, unit.
     - `lambda_um` `[..., N]`: wavelengths [um], N from 1 to 8. Without, results are linear sRGB, N = 3.
-    - `sigma_per_um`: absorptions [1/um] `[..., N]` in place of those of the yarns' colors, or a pair of these (or `None`) for warp and weft.
+    - `sigma_per_um`: absorptions [1/um] `[..., N]` instead of those of the yarns' colors, or a pair of these (or `None`) for warp and weft.
     - `turn_rad` `[...]`: angle by which the pattern is turned about the normal at the point [rad].
-    - `footprint_um` `[...]`: diameter of the part of the cloth that the point stands for [um]; beyond a repeat the mean over it answers, of a fabric made with `far`.
+    - `footprint_um` `[...]`: diameter of the part of the cloth that the point stands for [um]; beyond a repeat, a fabric made with `far` returns the mean over it.
 
     f is an energy density [1/sr], the BSDF times the cosine of `wi`. Results are float32. Whatever numbers come in, calls give numbers.
     """
@@ -52,14 +52,14 @@ class Fabric:
         Args:
             spec: The spec. The models it names lie in its file's folder or below; those of a text or dict in `folder`, or anywhere.
             gaps: Light through gaps is "diffracted", or goes "straight" on.
-            sigma_per_um: One absorption [1/um] for all yarns in place of their colors; 0 for a white furnace.
-            noise: Speckle, of models that carry it.
-            layers: The layer below catches what a ply sends on.
-            shadowing: Yarns catch what their neighbors send back.
-            edges: Light that passes beside a ply is diffracted at its edge.
-            slits: Slits between the fibers of all yarns in place of those of the spec, `Slit(width_um, share)`; of share 0 none. The mean over the repeat does without.
-            far: The mean over the repeat is made ready, some seconds, for queries with a footprint; without, footprints count as points.
-            folder: Where the files lie that a text or dict names; by default the current folder.
+            sigma_per_um: One absorption [1/um] for all yarns instead of their colors; 0 for a white furnace.
+            noise: Whether models with speckle noise show it.
+            layers: Whether the layer below blocks light that a ply transmits.
+            shadowing: Whether yarns block light that their neighbors reflect.
+            edges: Whether light that passes beside a ply is diffracted at its edge.
+            slits: Slits between the fibers of all yarns instead of the spec's, `Slit(width_um, share)`; none for a share of 0. The mean over the repeat has no slits.
+            far: Whether to compute the mean over the repeat, in some seconds, for queries with a footprint; otherwise footprints count as points.
+            folder: Folder of the files that a text or dict names; by default the current folder.
 
         Raises:
             Error: for a spec or a model that is refused.
@@ -91,7 +91,7 @@ class Fabric:
         Args:
             warp: Color of the warp: three numbers of sRGB from 0 to 1, an absorption [1/um], or `None` for clear fibers.
             weft: Color of the weft.
-            color_of: What the colors are colors of: "even_sky", "reflected" or "folded"; by default what the spec says.
+            color_of: Light that the colors describe: "even_sky", "reflected" or "folded"; by default that of the spec.
         """
         made = Fabric.__new__(Fabric)
         made._name, made._options = self._name, self._options
@@ -100,12 +100,12 @@ class Fabric:
 
     @property
     def color_of(self) -> str:
-        """What the spec's colors are colors of: "even_sky", "reflected" or "folded"."""
+        """Light that the spec's colors describe: "even_sky", "reflected" or "folded"."""
         return self._rust.color_of
 
     @property
     def notes(self) -> List[str]:
-        """What its loader has to say, a line each."""
+        """Notes of its loader, one line each."""
         return self._rust.notes
 
     @property
@@ -118,7 +118,7 @@ class Fabric:
         return Model._of(self._rust.model_of(family, yarn), self._name)
 
     def sigma_of_reflectance(self, reflectance: Any) -> np.ndarray:
-        """Absorptions [1/um] with which the cloth has these reflectances, of any shape; what is out of reach is clamped to clear or black fibers."""
+        """Absorptions [1/um] with which the cloth has these reflectances, of any shape; reflectances out of reach are clamped to clear or black fibers."""
         given = floats(reflectance, "reflectance")
         flat = np.ascontiguousarray(given).reshape(-1)
         return np.asarray(self._rust.sigma_of_reflectance(flat)).reshape(given.shape)
@@ -175,7 +175,7 @@ class Fabric:
         return q.rows(f, n), q.rows(pdf)
 
     def sample(self, position_um: Any, wo: Any, u: Any, lambda_um: Any = None, *, sigma_per_um: Any = None, turn_rad: Any = 0.0, footprint_um: Any = 0.0) -> Samples:
-        """Directions towards light, by three uniform numbers `u` `[..., 3]` in [0, 1) a query."""
+        """Directions towards light, from three uniform numbers `u` `[..., 3]` in [0, 1) per query."""
         q, n, (w, weight, pdf, event) = self._ask("sample", (3, 0, 1), position_um, wo, lambda_um, sigma_per_um, turn_rad, footprint_um, u, "u")
         return Samples(q.rows(w, 3), q.rows(weight, n), q.rows(pdf), q.rows(event))
 
@@ -190,13 +190,13 @@ class Fabric:
         return q.rows(straight, n)
 
     def outcomes(self, position_um: Any, wo: Any, lambda_um: Any = None, *, sigma_per_um: Any = None, turn_rad: Any = 0.0, footprint_um: Any = 0.0) -> Outcomes:
-        """Chances of what `sample` gives, `[...]` each."""
+        """Probabilities of the outcomes of `sample`, `[...]` each."""
         q, _, (all_of,) = self._ask("outcomes", (3,), position_um, wo, lambda_um, sigma_per_um, turn_rad, footprint_um)
         rows = q.rows(all_of, 3)
         return Outcomes(rows[..., 0], rows[..., 1], rows[..., 2])
 
     def is_gap(self, position_um: Any, wo: Any, *, turn_rad: Any = 0.0) -> np.ndarray:
-        """Whether the point lies in a gap `[...]`, bool: the line from the viewer meets no ply."""
+        """Whether the point lies in a gap `[...]`, bool: the line from the viewer hits no ply."""
         q, _, (gap,) = self._ask("is_gap", (1,), position_um, wo, None, None, turn_rad, 0.0)
         return np.asarray(q.rows(gap) > 0.5)
 

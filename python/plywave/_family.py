@@ -63,12 +63,12 @@ def build_family(
     Args:
         spec: Path of a yarn spec, its text, or a dict of its keys.
         quality: As of `build`.
-        nodes: Nodes along each axis to begin with.
-        most_nodes: Most nodes along an axis.
+        nodes: Initial number of nodes along each axis.
+        most_nodes: Largest number of nodes along an axis.
         seed: Seed of all stages.
-        paths: Paths per incident latitude, in place of the spec's and the quality's.
+        paths: Paths per incident latitude, instead of the spec's and the quality's.
         instances: Instances of the ply, likewise.
-        folder: Where finished tables and shards stay; the same call goes on with them.
+        folder: Folder for finished tables and shards; the same call continues with them.
         progress: `True` for a bar, or a function of stage, unit, done and total.
 
     Raises:

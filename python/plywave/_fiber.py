@@ -116,7 +116,7 @@ class Fiber(Document):
         return q.rows(f, n), q.rows(pdf)
 
     def sample(self, omega_i: Any, u: Any, lambda_um: Any, sigma_per_um: Any = None, h_rel: Any = None) -> Samples:
-        """What becomes of light, by three uniform numbers `u` `[..., 3]` in [0, 1) a query."""
+        """What becomes of light, from three uniform numbers `u` `[..., 3]` in [0, 1) per query."""
         q, n, (w, weight, pdf, event) = self._ask("sample", (3, 0, 1), omega_i, lambda_um, sigma_per_um, h_rel, u, "u")
         return Samples(q.rows(w, 3), q.rows(weight, n), q.rows(pdf), q.rows(event))
 
@@ -126,12 +126,12 @@ class Fiber(Document):
         return q.rows(albedo, n)
 
     def outcomes(self, omega_i: Any, lambda_um: Any, sigma_per_um: Any = None, h_rel: Any = None) -> Outcomes:
-        """Chances of what `sample` gives, `[...]` each."""
+        """Probabilities of the outcomes of `sample`, `[...]` each."""
         q, _, (all_of,) = self._ask("outcomes", (3,), omega_i, lambda_um, sigma_per_um, h_rel)
         rows = q.rows(all_of, 3)
         return Outcomes(rows[..., 0], rows[..., 1], rows[..., 2])
 
     def width_um(self, omega_i: Any, lambda_um: Any, sigma_per_um: Any = None, h_rel: Any = None) -> np.ndarray:
-        """Width from which the fiber takes light [um] `[..., N]`: rays whose offset from the center line is beyond half of it pass."""
+        """Width from which the fiber takes light [um] `[..., N]`: rays with a larger offset from the center line than half of it miss the fiber."""
         q, n, (width,) = self._ask("width_um", (0,), omega_i, lambda_um, sigma_per_um, h_rel)
         return q.rows(width, n)

@@ -107,7 +107,7 @@ class Document:
         statistics of the document are made anew.
 
         Raises:
-            Error: for what a file with them would be refused for.
+            Error: when a file with them would be refused.
         """
         return cls.from_bytes(_plywave.rewritten(cls._kind, pack(tensors, document, name), name), name)
 

@@ -27,12 +27,12 @@ class Model(Document):
     - `lambda_um` `[..., N]`: wavelengths [um]; by default those of R, G, B for N = 3, else 0.55. Edge light, slits and speckle depend on them.
     - `instance` `[...]`: whole numbers, 0 or more, each of which stands for one speckle pattern of a model with noise (`has_noise`); by default the smooth model.
       Sampling, pdf and albedo are those of the smooth model.
-    - `edge`: light that passes beside the ply is diffracted at its edge; without, it goes straight on.
+    - `edge`: light that passes beside the ply is diffracted at its edge; otherwise it goes straight on.
     - `below`: a second layer of yarn below (Yu 2025, 5.4): a `Layer`, from `layer` of its model. Not for a model without layer factors (`has_layers`).
     - `slit`: a `Slit`, small gaps between the fibers; has no effect over a second layer.
 
     f is an energy density [1/sr], the BSDF times the cosine. Results are float32. Whatever numbers come in, calls give numbers: where a query is not finite, the
-    beam misses and f = 0. Arrays that are no floats, or do not broadcast, raise `Error`.
+    beam misses and f = 0. Arrays that are not of floats, or do not broadcast, raise `Error`.
     """
 
     _kind, _words = "model", "ply model"
@@ -137,7 +137,7 @@ class Model(Document):
         return q.rows(f, n), q.rows(pdf)
 
     def sample(self, theta_i: Any, h_um: Any, u: Any, sigma_per_um: Any, lambda_um: Any = None, *, edge: bool = True, instance: Any = None, below: Optional[Layer] = None, slit: Optional[Slit] = None) -> Samples:
-        """What becomes of light, by three uniform numbers `u` `[..., 3]` in [0, 1) a query."""
+        """What becomes of light, from three uniform numbers `u` `[..., 3]` in [0, 1) per query."""
         q, n, (w, weight, pdf, event) = self._ask("sample", (3, 0, 1), theta_i, h_um, sigma_per_um, lambda_um, edge, u, "u", instance, below=below, slit=slit)
         return Samples(q.rows(w, 3), q.rows(weight, n), q.rows(pdf), q.rows(event))
 
@@ -152,7 +152,7 @@ class Model(Document):
         return q.rows(straight, n)
 
     def outcomes(self, theta_i: Any, h_um: Any, sigma_per_um: Any, lambda_um: Any = None, *, edge: bool = True, below: Optional[Layer] = None, slit: Optional[Slit] = None) -> Outcomes:
-        """Chances of what `sample` gives, `[...]` each."""
+        """Probabilities of the outcomes of `sample`, `[...]` each."""
         q, _, (all_of,) = self._ask("outcomes", (3,), theta_i, h_um, sigma_per_um, lambda_um, edge, below=below, slit=slit)
         rows = q.rows(all_of, 3)
         return Outcomes(rows[..., 0], rows[..., 1], rows[..., 2])
@@ -172,6 +172,6 @@ class Model(Document):
         return Layer(*(q.rows(part, n) for part in parts))
 
     def r_d(self, theta_i: Any, h_um: Any) -> np.ndarray:
-        """Fraction of the beam that meets no fiber `[...]`."""
+        """Fraction of the beam that hits no fiber `[...]`."""
         q, _, (r_d,) = self._ask("r_d", (1,), theta_i, h_um, 0.0, None, False)
         return q.rows(r_d)

@@ -66,7 +66,7 @@ def plot(
     if isinstance(source, Model) and part == "noise":
         return _noise(source, theta_i or 0.0, decades)
     if not isinstance(source, (Model, Table)) or part == "noise":
-        raise Error(f"{type(source).__name__}: has no such figure; give a model, a table, a fiber or speckle patterns")
+        raise Error(f"{type(source).__name__}: has no figure; give a model, a table, a fiber or speckle patterns")
     return _ply(_Ply(source, table), part, theta_i, h_rel, sigma_per_um, decades)
 
 

@@ -1,4 +1,4 @@
-"""What calls give back."""
+"""Results of calls."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ STRAIGHT = 2
 
 
 class Samples(NamedTuple):
-    """What became of sampled light, an entry a query."""
+    """Outcomes of sampling, one entry per query."""
 
     w: np.ndarray
     """Directions `[..., 3]`, unit; of light that goes straight on the onward one, of absorbed light 0."""
@@ -33,7 +33,7 @@ class Terms(NamedTuple):
     refl: np.ndarray
     """Single reflection, the same at every absorption."""
     high: np.ndarray
-    """All other light that met fibers."""
+    """All other light that hit fibers."""
     edge: np.ndarray
     """Light that passed beside the ply and was diffracted."""
     slit: np.ndarray
@@ -41,12 +41,12 @@ class Terms(NamedTuple):
 
 
 class Layer(NamedTuple):
-    """What one layer of yarn does to the light that meets its fibers, `[..., N]` each; `Model.layer` gives it, `below=` takes it."""
+    """What one layer of yarn does to the light that hits its fibers, `[..., N]` each; `Model.layer` gives it, `below=` takes it."""
 
     reflected: np.ndarray
-    """Fraction sent back into the half space the light came from."""
+    """Fraction reflected into the half space from which the light came."""
     transmitted: np.ndarray
-    """Fraction let through."""
+    """Fraction transmitted."""
     reflected_diffuse: np.ndarray
     """The same of diffuse light."""
     transmitted_diffuse: np.ndarray
@@ -62,7 +62,7 @@ class Slit(NamedTuple):
 
 
 class Outcomes(NamedTuple):
-    """Chances of what `sample` gives, `[...]` each; they add up to 1."""
+    """Probabilities of the outcomes of `sample`, `[...]` each; they add up to 1."""
 
     scattered: np.ndarray
     straight: np.ndarray

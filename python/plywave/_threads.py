@@ -11,7 +11,7 @@ _count: Optional[int] = None
 
 
 def get_threads() -> int:
-    """Number of threads that calls use: what `set_threads` said, else the environment's `PLYWAVE_THREADS`, else the cores this process may use."""
+    """Number of threads that calls use: that of `set_threads`, else the environment's `PLYWAVE_THREADS`, else the cores this process may use."""
     if _count is not None:
         return _count
     told = os.environ.get("PLYWAVE_THREADS", "")

@@ -62,18 +62,18 @@ def build(
 ) -> Model:
     """Makes the model of a yarn spec: simulates its ply, fits lobes to the table, adds edge light and, but at preview quality, speckle.
 
-    The result depends on spec, quality, seed and overrides alone, bit for bit: not on threads or interruptions. Ctrl-C stops the work and raises
-    `KeyboardInterrupt`; with `folder`, what is finished stays there, and the same call goes on with it.
+    The result depends bit for bit only on spec, quality, seed and overrides, not on threads or interruptions. Ctrl-C stops the work and raises
+    `KeyboardInterrupt`; with `folder`, finished work stays there, and the same call continues it.
 
     Args:
         spec: Path of a yarn spec, its text, or a dict of its keys (docs/reference/spec.md).
         quality: "preview" (under a minute for polyester), "standard" (minutes) or "reference" (hours).
         seed: Seed of all stages.
-        paths: Paths per incident latitude, in place of the spec's and the quality's.
+        paths: Paths per incident latitude, instead of the spec's and the quality's.
         instances: Instances of the ply, likewise.
-        speckle: Whether patterns of the spec's fiber are solved (but at preview quality); a number of fibers to be solved at any quality, 0 for none; or patterns.
-        folder: Where finished shards are kept until the model is made.
-        resume: Use shards that are there; without, they are deleted.
+        speckle: Whether to solve patterns of the spec's fiber (never at preview quality); or a number of fibers to solve at any quality, 0 for none; or patterns.
+        folder: Folder for finished shards until the model is made.
+        resume: Whether to use the shards in `folder`; otherwise they are deleted.
         progress: `True` for a bar, or a function of stage, unit, done and total.
 
     Returns:
@@ -127,7 +127,7 @@ def fit(table: Table, quality: Optional[str] = None, *, progress: Progress = Non
 
 
 class CheckLine(NamedTuple):
-    """One check: what was measured and what is allowed."""
+    """One check: the measured value and its limit."""
 
     check: str
     value: float
@@ -136,7 +136,7 @@ class CheckLine(NamedTuple):
 
 
 class CheckReport:
-    """What `check` found; true where every line passed."""
+    """Results of `check`; true if every line passed."""
 
     def __init__(self, lines: List[CheckLine]) -> None:
         self.lines = lines
@@ -164,7 +164,7 @@ class CheckReport:
 
 
 def check(model: Model, *, seed: int = 1, incidences: int = 100) -> CheckReport:
-    """Whether a model keeps its promises: energy, density and weights of the sampler, chi-square of the samples, stored values, errors of the fit. The lines of `plywave check`."""
+    """Tests a model: energy, density and weights of the sampler, chi-square of the samples, stored values, errors of the fit. The lines are those of `plywave check`."""
     if not isinstance(model, Model):
         raise Error(f"model: {type(model).__name__}; give a plywave.Model")
     count = whole(incidences, "incidences")

@@ -26,25 +26,25 @@ def main(argv: Optional[List[str]] = None) -> int:
         print(f"error: {error}", file=sys.stderr)
         return 2
     except KeyboardInterrupt:
-        print("stopped; what is finished is in the cache, and the same command goes on with it", file=sys.stderr)
+        print("stopped; finished work is in the cache, and the same command continues", file=sys.stderr)
         return 130
 
 
 def _parse(argv: Optional[List[str]]) -> argparse.Namespace:
     parser = argparse.ArgumentParser(
-        prog="plywave farm", description="Makes the files of a library on Dask workers, in shards that are never computed twice, and a page that shows them (docs/howto/cluster.md)."
+        prog="plywave farm", description="Makes the files of a library on Dask workers, in shards that are never computed twice, and a report page (docs/howto/cluster.md)."
     )
-    parser.add_argument("library", metavar="LIBRARY.toml", help="what is to be made")
-    parser.add_argument("-o", "--output", metavar="FOLDER", help="where files and report.html go; by default the library's name")
-    parser.add_argument("--cache", metavar="FOLDER|URL", help="where shards and files are kept; by default FOLDER/cache")
+    parser.add_argument("library", metavar="LIBRARY.toml", help="library file: what to make")
+    parser.add_argument("-o", "--output", metavar="FOLDER", help="folder for the files and report.html; by default the library's name")
+    parser.add_argument("--cache", metavar="FOLDER|URL", help="cache of shards and files; by default FOLDER/cache")
     workers = parser.add_mutually_exclusive_group()
-    workers.add_argument("--scheduler", metavar="tcp://HOST:PORT", help="a Dask scheduler that runs")
-    workers.add_argument("--local", metavar="N", type=int, help="N processes of this machine; by default one a core")
-    workers.add_argument("--slurm", metavar="KEY=VALUE,..", help="jobs of Slurm: queue, account, cores, processes, memory, walltime, python, ..")
-    parser.add_argument("--jobs", metavar="N", type=int, default=1, help="jobs that Slurm is asked for")
-    parser.add_argument("--timeout", metavar="SECONDS", type=float, default=10.0, help="how long the scheduler may take to answer")
-    parser.add_argument("--retries", metavar="N", type=int, default=5, help="how often a task may come back damaged before its file is given up")
-    parser.add_argument("--price", metavar="PRICE", type=float, help="price of a core for an hour: the page then has costs")
+    workers.add_argument("--scheduler", metavar="tcp://HOST:PORT", help="address of a running Dask scheduler")
+    workers.add_argument("--local", metavar="N", type=int, help="number of processes on this machine; by default one per core")
+    workers.add_argument("--slurm", metavar="KEY=VALUE,..", help="run Slurm jobs with these options: queue, account, cores, processes, memory, walltime, python, ..")
+    parser.add_argument("--jobs", metavar="N", type=int, default=1, help="number of Slurm jobs")
+    parser.add_argument("--timeout", metavar="SECONDS", type=float, default=10.0, help="longest time to wait for the scheduler's answer")
+    parser.add_argument("--retries", metavar="N", type=int, default=5, help="how often to repeat a task whose result is damaged before its file fails")
+    parser.add_argument("--price", metavar="PRICE", type=float, help="price of a core for an hour; the report then shows costs")
     parser.add_argument("--json", action="store_true", help="print what was made as JSON")
     parser.add_argument("--quiet", action="store_true", help="print errors only")
     return parser.parse_args(argv)
@@ -70,7 +70,7 @@ def _run(args: argparse.Namespace) -> int:
         raise Error(f"{error}: pip install plywave[cluster]") from None
     _only_our_lines()
     if args.retries < 0 or args.jobs < 1 or not args.timeout > 0.0:
-        raise Error("--retries, --jobs, --timeout: give 0 or more, 1 or more, more than 0")
+        raise Error("give --retries 0 or more, --jobs 1 or more, --timeout above 0")
     library = Library(args.library)
     folder = args.output or library.name
     try:
@@ -82,7 +82,7 @@ def _run(args: argparse.Namespace) -> int:
     made = []
     with connect(args.scheduler, args.local, _slurm(args.slurm) if args.slurm else None, args.jobs, args.timeout) as client:
         if not (args.quiet or client.nthreads()):
-            print("note: no worker is there yet; waiting for the first", file=sys.stderr)
+            print("note: no workers yet; waiting for the first", file=sys.stderr)
         begun = time.monotonic()
         for one in farm(library.items, client, cache, retries=args.retries, told=told):
             made.append(one)
@@ -106,7 +106,7 @@ def _run(args: argparse.Namespace) -> int:
 
 
 def _only_our_lines() -> None:
-    """Keeps Dask's log to itself: it tells every worker that dies by pages of it."""
+    """Silences Dask's log, which prints pages for every worker that dies."""
     # It sets the levels of its loggers when it is imported.
     with contextlib.suppress(ImportError):
         import_module("distributed")

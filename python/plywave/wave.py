@@ -48,7 +48,7 @@ class Case(NamedTuple):
 
 
 class Scattering:
-    """Far fields of a scene: `cases` by wavelength, within it by theta_i, phi_i, h and polarization; `stats` tells how the run went."""
+    """Far fields of a scene: `cases` by wavelength, within it by theta_i, phi_i, h and polarization; `stats` describes the run."""
 
     def __init__(self, cases: List[Case], stats: Dict[str, Any]) -> None:
         self.cases, self.stats = cases, stats
@@ -122,15 +122,15 @@ def tabulate(
         spec: Path of a yarn spec or scene, its text, or a dict of its keys.
         quality: "preview", "standard" or "reference".
         sigma_per_um: Absorption of a spec's fiber [1/um].
-        rays: By rays instead of waves.
-        lambdas: Bands of wavelength, in place of the quality's.
+        rays: Trace rays instead of solving waves.
+        lambdas: Bands of wavelength, instead of the quality's.
         thetas: Latitudes, likewise.
-        azimuths: Most azimuths round the fiber, likewise.
+        azimuths: Largest number of azimuths around the fiber, likewise.
         ray_count: Rays of a slice, likewise.
         seed: Seed of the rays.
         beta_m_rad: Longitudinal width [rad].
-        folder: Where finished shards are kept.
-        resume: Use shards that are there; without, they are deleted.
+        folder: Folder for finished shards.
+        resume: Whether to use the shards in `folder`; otherwise they are deleted.
         progress: `True` for a bar, or a function of stage, unit, done and total.
     """
     args = tabulate_args(
@@ -187,7 +187,7 @@ def speckle(
     resume: bool = True,
     progress: Progress = None,
 ) -> Speckle:
-    """Solves speckle patterns of so many instances of a yarn spec's fiber."""
+    """Solves speckle patterns of `instances` instances of a yarn spec's fiber."""
     count = min(whole(instances, "instances"), 1 << 31)
     with Told(progress) as call:
         data = _plywave.wave_speckle(spec_args(spec, "yarn spec"), count, whole(seed, "seed"), run_args(folder, resume, call))

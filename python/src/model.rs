@@ -393,7 +393,7 @@ enum Kernel {
 }
 
 impl Kernel {
-    /// It does where f alone is asked for, without edge light, at incidences of their own.
+    /// Lobes for queries of f alone, without edge light, each with its own incidence.
     fn from_query<const N: usize>(what: &str, edge: bool, at: (Rows<'_, 1>, Rows<'_, 1>, Rows<'_, N>)) -> Kernel {
         match at {
             (Rows::One(_), Rows::One(_), Rows::One(_)) => Kernel::Other,

@@ -120,7 +120,7 @@ def test_caches_that_stay_damaged_are_told(client, tmp_path, monkeypatch):
         os.remove(tmp_path / "made" / name)
     monkeypatch.setattr(_farm._Farm, "bytes_of", lambda *_: None)
     (made,) = _farm.farm(items(), client, cluster.Cache(tmp_path), retries=2)
-    assert made.data is None and made.error == "tiny: its shards are damaged in the cache again and again"
+    assert made.data is None and made.error == "tiny: its shards in the cache are damaged repeatedly"
 
 
 def test_two_farms_on_one_cache(client, model, tmp_path):
@@ -176,7 +176,7 @@ def test_farms_whose_workers_all_die_end(tmp_path):
     with cluster.connect(local=1) as client:
         with Killer(10**6, 0.01) as killer:
             killer._made.append(_workers.local_workers(client))
-            with pytest.raises(Error, match="6 times one after the other a worker died and nothing was finished.*; the last: .*exit code -9.*run it again") as told:
+            with pytest.raises(Error, match="6 workers died in a row and nothing was finished.*; the last: .*exit code -9.*run it again") as told:
                 list(_farm.farm(items(), client, cluster.Cache(tmp_path), deaths=5))
     assert "\n" not in str(told.value)
 

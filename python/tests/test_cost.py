@@ -47,7 +47,8 @@ def ratio(model, what, n, edge, rounds=7):
     [
         # The library's batch kernel, `PlyModel::eval_batch`.
         ("eval", False, 1.1),
-        # A loop over `PlyModel::at`: the target is 1.1 as well; docs/reference/python_api.md has what was measured, this guards against worse.
+        # A loop over `PlyModel::at`: the target is 1.1 as well; docs/reference/python_api.md has the measured
+        # ratios, and this limit guards against worse ones.
         ("eval", True, 1.45),
         ("eval_pdf", True, 1.45),
         ("sample", True, 1.45),

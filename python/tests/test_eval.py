@@ -298,7 +298,8 @@ def test_analytic_fibers(tmp_path):
     assert isinstance(fiber, plywave.Fiber) and fiber.max_width_um == 40.0
     assert np.allclose(fiber.lambda_um, [0.6, 0.55, 0.45])
     omega_i = np.array([0.6, 0.0, 0.8])
-    # The sphere by a product rule: the integral of f is the albedo, which absorption lowers from one wavelength to the next.
+    # The sphere by a product rule: the integral of f is the albedo, which absorption lowers from one
+    # wavelength to the next.
     z, weight = np.polynomial.legendre.leggauss(400)
     phi = 2 * np.pi * (np.arange(720) + 0.5) / 720
     radius = np.sqrt(1 - z**2)[:, None]

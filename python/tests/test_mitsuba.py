@@ -847,7 +847,8 @@ def test_speckle_of_fabrics_is_the_librarys(variant):
     got = got.T
     assert np.abs(smooth - f).mean() > 0.03 * f.mean()
     close("f", got, f, share=1e-3)
-    # Where a line just passes a ply, f jumps within the rounding of a point 3 mm away: what is further off must be the library's f within 0.003 um aside.
+    # Where a line just passes a ply, f jumps within the rounding of a point 3 mm away: a larger difference
+    # must be the library's f within 0.003 um aside.
     off = np.flatnonzero((np.abs(got - f) > 2e-2 * np.maximum(np.abs(f), 1e-3)).any(1))
     assert len(off) <= 3
     for k in off:

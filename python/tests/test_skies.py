@@ -91,7 +91,8 @@ def blocks(image):
     return image.reshape(n, BLOCK, n, BLOCK, 3).mean(axis=(1, 3))
 
 
-# Even gray; a blue sky with a yellow sun in one texel to the left of the camera; one color; a dim sky beside a lamp.
+# Even gray; a blue sky with a yellow sun in one texel to the left of the camera; one color; a dim sky beside
+# a lamp.
 SUN = np.full((4, 8, 3), [0.02, 0.05, 0.2])
 SUN[1, 1] = [9.0, 6.0, 1.0]
 SKIES = {
@@ -117,7 +118,8 @@ def test_balls_are_lit_as_by_mitsuba(name, program, tmp_path):
             mi.set_variant(before)
     spread = np.sqrt(blocks(a_variance) + blocks(b_variance)) / BLOCK
     off = np.abs(blocks(a) - blocks(b))
-    # Five standard errors; the rest is the eight bits of Radiance, and what the hosts' sums of the spectrum differ by.
+    # Five standard errors; the rest is the eight bits of Radiance, and the difference of the hosts' sums of
+    # the spectrum.
     allowed = 5 * spread + (4e-3 if file.endswith("hdr") else 5e-4) * blocks(a).max()
     assert (off <= allowed).all(), f"{name}: {(off / allowed).max()} of what noise explains, at {np.argwhere(off > allowed)[:5].tolist()}"
     assert spread.mean() < 0.04 * blocks(a).max(), f"{name}: noise hides what is wrong"

@@ -80,7 +80,8 @@ ROOT = pathlib.Path(__file__).resolve().parents[2]
 def test_examples_of_the_docs_run(page, tmp_path, monkeypatch):
     blocks = re.findall(r"```python\n(.*?)```", (ROOT / page).read_text(), re.S)
     assert blocks
-    # What takes long is `python no_run`. Files that examples write go elsewhere; the specs and models of the repository are where the page says.
+    # Examples that take long are `python no_run`. Files that examples write go elsewhere; the specs and
+    # models of the repository are where the page says.
     monkeypatch.chdir(tmp_path)
     (tmp_path / "fabrics").symlink_to(ROOT / "fabrics", target_is_directory=True)
     told = {}

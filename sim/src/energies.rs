@@ -1,22 +1,23 @@
-//! Energies of one ply on grids finer than those of its slices, at a cost a path that no grid adds to.
+//! Energies of one ply on grids finer than those of its slices. The cost per path does not depend on the
+//! grids.
 //!
-//! With g the beam's profile, of standard deviation s, and m(x) the chance that the line at lateral position
-//! x hits a fiber,
+//! Let g be the beam's profile with standard deviation s, and m(x) the probability that the line at lateral
+//! position x hits a fiber. Then
 //!
 //! ```text
 //! r_d(h) = 1 - integral of m(x) g(x - h) dx,      q_c(h) = integral of e_c(x) g(x - h) dx / integral of m(x) g(x - h) dx
 //! ```
 //!
-//! where e_c(x) is what paths at x bring into channel c (f_refl, f_high at each sigma). So both come from
-//! histograms over x, into which a path or ray adds once, convolved with the beam afterwards; bins of s/16
-//! blur a step of m by 1e-4 at most.
+//! where e_c(x) is the energy that paths at x add to channel c (f_refl, f_high at each sigma). So both come
+//! from histograms over x, convolved with the beam afterwards; a path or ray adds to a histogram once, and
+//! bins of s/16 blur a step of m by 1e-4 at most.
 //!
-//! *r_d* has rays of its own that end at the first wall. They cost a tenth of a path, and all that they
-//! depend on beside the beam's divergence is the line's position and the ply's turn: x is stratified and the
-//! turn follows the golden ratio from ray to ray, which covers the rectangle evenly. Its standard error is
-//! that of the mean over the instances. Along theta_i it has a ridge where light runs parallel to the fibers
-//! of the rim, which lean by k r at radius r, k = 2 pi / pitch: at `cot theta_i = k h`. Its width along
-//! theta_i is that of the beam across it, `s k / (1 + k^2 R^2)`, and the divergence.
+//! *r_d* has its own rays that end at the first wall. Such a ray costs a tenth of a path. Beside the beam's
+//! divergence, it depends only on the line's position and the ply's turn: x is stratified and the turn
+//! follows the golden ratio from ray to ray, which covers the rectangle evenly. The standard error of r_d is
+//! that of the mean over the instances. Along theta_i, r_d has a ridge where light runs parallel to the
+//! fibers of the rim, which lean by k r at radius r, k = 2 pi / pitch: at `cot theta_i = k h`. Its width
+//! along theta_i is that of the beam across it, `s k / (1 + k^2 R^2)`, and the divergence.
 //!
 //! *q* is a ratio of sums over the same paths. With n paths in a bin, each with weight w in a channel, 0 <= w
 //! <= 1, the variance of the numerator less q times the denominator is
@@ -32,7 +33,7 @@ use plywave::table::TableEnergies;
 use rand::{Rng, RngExt};
 
 impl EnergyGrids {
-    /// Adds the rays of one instance at latitude `row` of the fine ones of `at` to `sums`.
+    /// Adds the rays of one instance to `sums`, at fine latitude `row` of `at`.
     pub fn trace_rays<R: Rng>(
         &self,
         at: &Incidence<'_>,
@@ -67,8 +68,8 @@ impl EnergyGrids {
         sums.miss_met[row * count..(row + 1) * count].iter_mut().zip(&met).for_each(|(sum, met)| *sum += met);
     }
 
-    /// Rows of latitude `m` of the slices from its sums over `runs` runs of instances, of which `instances`
-    /// were different.
+    /// Fills the rows of slice latitude `m` from its sums over `runs` runs of instances, `instances` of them
+    /// different.
     pub fn fill(&self, to: &mut TableEnergies, m: usize, sd: f64, sums: &Sums, runs: f64, instances: f64) {
         let (count, columns) = (self.bins.count, self.miss_h_um.len());
         for row in 0..self.miss_rows.min(to.miss_theta_i.len() - m * self.miss_rows) {
@@ -93,7 +94,7 @@ impl EnergyGrids {
 
     /// The shares at one node from `tally[bin][killed, refl, high..]`.
     fn fill_shares(&self, to: &mut TableEnergies, node: usize, h: f64, sd: f64, tally: &[f64], channels: usize) {
-        // All that hit a fiber: sigma[0] = 0, where f_high has lost nothing.
+        // All paths that hit a fiber: sigma[0] = 0, where f_high loses nothing.
         let hit = |b: usize| tally[b * channels..][..3].iter().sum::<f64>();
         let beam = self.bins.beam(h, sd, |b| hit(b) > 0.0);
         let over = |of: &dyn Fn(usize) -> f64| (0..self.bins.count).map(of).sum::<f64>();

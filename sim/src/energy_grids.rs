@@ -4,37 +4,36 @@ use crate::options::SimOptions;
 use plywave::spec::YarnSpec;
 use plywave::table::TableEnergies;
 
-/// Bins of lateral positions in a standard deviation of the beam, and the most of them.
+/// Bins of lateral positions per standard deviation of the beam, and the largest number of bins.
 const BINS_PER_SD: f64 = 16.0;
 const MAX_BINS: f64 = 8192.0;
-/// Steps of r_d, in standard deviations of the beam or of what it makes of the ridge; a spline is then good
-/// to 4e-4 of an edge's height.
+/// Steps of r_d, in standard deviations of the beam or of the ridge blurred by it; the error of a spline is
+/// then 4e-4 of an edge's height.
 const MISS_STEP_SDS: f64 = 0.4;
 const RIDGE_STEP_SDS: f64 = 0.6;
-/// Steps of r_d along theta_i where there is no ridge, and of the shares [rad].
+/// Steps of r_d along theta_i away from the ridge, and of the shares [rad].
 const PLAIN_STEP_RAD: f64 = 0.07;
 const SHARE_STEP_RAD: f64 = 0.18;
 /// Step of the shares along h, in standard deviations of the beam.
 const SHARE_STEP_SDS: f64 = 1.2;
-/// Most nodes of an axis.
+/// Largest number of nodes of an axis.
 const MAX_NODES: usize = 1001;
-/// Rays of a latitude of r_d over all instances, those for each path where runs are short, and the least of
-/// an instance.
+/// Rays per latitude of r_d over all instances; rays per path in short runs; fewest rays per instance.
 const RAYS: u64 = 1 << 18;
 const RAYS_A_PATH: u64 = 1;
 const MIN_RAYS: u64 = 1 << 11;
 
-/// The grids, as refinements of those of the slices.
+/// Grids of the energies, as refinements of the slices' grids.
 #[derive(Clone, Debug)]
 pub(crate) struct EnergyGrids {
-    /// Latitudes of r_d for each of the slices'.
+    /// Latitudes of r_d per latitude of the slices.
     pub miss_rows: usize,
     pub miss_h_um: Vec<f64>,
-    /// Latitudes of the shares for each of the slices'.
+    /// Latitudes of the shares per latitude of the slices.
     pub share_rows: usize,
     pub share_h_um: Vec<f64>,
     pub bins: PositionBins,
-    /// Rays of an instance at a latitude.
+    /// Rays per instance and latitude.
     pub rays: u64,
 }
 
@@ -54,12 +53,12 @@ impl PositionBins {
         self.width_um() * (bin as f64 + 0.5) - self.reach_um
     }
 
-    /// The bin of a position, if it is within the reach.
+    /// The bin of a position, or `None` beyond the reach.
     pub fn of(&self, x: f64) -> Option<usize> {
         (x.abs() < self.reach_um).then(|| (((x + self.reach_um) / self.width_um()) as usize).min(self.count - 1))
     }
 
-    /// The beam's logarithm of density about `h` at each bin, less its greatest at a bin that counts.
+    /// Log density of the beam about `h` at each bin, minus its maximum over the bins that count.
     pub fn beam(&self, h: f64, sd: f64, counts: impl Fn(usize) -> bool) -> Vec<f64> {
         let log = |b: usize| -0.5 * ((self.center_um(b) - h) / sd).powi(2);
         let top = (0..self.count).filter(|b| counts(*b)).map(log).fold(f64::NEG_INFINITY, f64::max);
@@ -67,13 +66,13 @@ impl PositionBins {
     }
 }
 
-/// How many latitudes the shares have for each of the slices'.
+/// Latitudes of the shares per latitude of the slices.
 pub(crate) fn share_rows(options: &SimOptions) -> usize {
     let theta_i = options.theta_i();
     refinement(theta_i[1] - theta_i[0], SHARE_STEP_RAD, theta_i.len())
 }
 
-/// Parts of a step that make it `wanted` or less, for an axis of `nodes`.
+/// Number of parts into which a step is cut so that each is at most `wanted`, for an axis of `nodes`.
 fn refinement(step: f64, wanted: f64, nodes: usize) -> usize {
     ((step / wanted - 1e-9).ceil().max(1.0) as usize).min(((MAX_NODES - 1) / (nodes - 1)).max(1))
 }
@@ -107,7 +106,7 @@ impl EnergyGrids {
         }
     }
 
-    /// Fraction of the beams at `miss_h_um` that hits no fiber, of the chances `met` to hit one.
+    /// Fractions of the beams at `miss_h_um` that hit no fiber, from the probabilities `met` to hit one.
     pub fn missed(&self, met: &[f64], sd: f64) -> Vec<f64> {
         let density = self.bins.width_um() / (sd * std::f64::consts::TAU.sqrt());
         let of = |h: &f64| {
@@ -119,7 +118,7 @@ impl EnergyGrids {
         self.miss_h_um.iter().map(of).collect()
     }
 
-    /// Energies without a number yet, of slices at these nodes.
+    /// Unfilled energies for slices at these nodes.
     pub fn empty(&self, theta_i: &[f64], sigmas: usize) -> TableEnergies {
         let (miss_theta_i, share_theta_i) = (refined(theta_i, self.miss_rows), refined(theta_i, self.share_rows));
         let nodes = miss_theta_i.len() * self.miss_h_um.len();

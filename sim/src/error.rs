@@ -8,7 +8,7 @@ pub enum SimError {
         "{key} = {radius_um:.4}: {fibers} fibers at packing fraction {packing_fraction:.3} do not fit; use {key} >= {least_radius_um:.1} or fewer or thinner fibers"
     )]
     CannotPack {
-        /// `ply.radius_um`, or `ply.radii_um` whose first value is then meant (both scaled alike).
+        /// Key of the spec: `ply.radius_um`, or `ply.radii_um`, for its first value (both scale alike).
         key: &'static str,
         /// Number of fibers.
         fibers: usize,
@@ -30,7 +30,7 @@ pub enum SimError {
     /// The fibers crowd so much that the screw march's grid cannot tell them apart.
     #[error("the screw march cannot resolve this cross section; use the mesh tracer")]
     TooCrowded,
-    /// A table that a computation starts from cannot be used.
+    /// An input table cannot be used.
     #[error("table: {field} = {value}: {hint}")]
     Table {
         /// Name of the field.
@@ -40,7 +40,7 @@ pub enum SimError {
         /// What would be accepted.
         hint: &'static str,
     },
-    /// A size among the options is out of range.
+    /// A size in the options is out of range.
     #[error("options: {name} = {value}: must be {allowed}")]
     Option {
         /// Name of the option.
@@ -74,7 +74,8 @@ pub enum SimError {
         /// The folder.
         folder: String,
     },
-    /// The parts folder holds finished shards of the same job, and nobody said what to do with them.
+    /// The parts folder holds finished shards of the same job, and the caller did not say what to do with
+    /// them.
     #[error(
         "{folder}: holds {found} of {total} finished shards of this run; go on with --resume, or delete them with --fresh"
     )]
@@ -94,7 +95,7 @@ pub enum SimError {
         /// The folder.
         folder: String,
     },
-    /// A shard came out with values that cannot be.
+    /// A shard computed impossible values.
     #[error("shard {shard}: {what}; the run cannot be saved: change the spec or its sizes")]
     BadShard {
         /// Number of the shard.
@@ -102,7 +103,7 @@ pub enum SimError {
         /// What is wrong.
         what: String,
     },
-    /// A share of a job that does not exist.
+    /// The job has fewer shards than parts.
     #[error("--shards = {index}/{count}: the run has {shards} shards; give K/N with 1 <= K <= N <= {shards}")]
     TooManyParts {
         /// Number of the part.
@@ -112,7 +113,7 @@ pub enum SimError {
         /// Shards of the job.
         shards: usize,
     },
-    /// Parts that do not make a whole.
+    /// Parts that cannot be merged into a whole.
     #[error("{}; {hint}", plywave::one_line(what, 1000))]
     Merge {
         /// What is wrong.
@@ -120,7 +121,7 @@ pub enum SimError {
         /// What to do about it.
         hint: String,
     },
-    /// A run whose result could not be saved, for the noise of its energies.
+    /// A run with too few paths: its result could not be saved because of the noise of its energies.
     #[error(
         "simulation.paths_per_theta = {paths}: too few paths, the energies would be off by up to {error:.1e} and the table refused; use {least} or more"
     )]
@@ -132,7 +133,7 @@ pub enum SimError {
         /// Paths that are enough.
         least: u64,
     },
-    /// Yarns of a cloth that intersect: their fibers cannot be traced.
+    /// Yarns of a cloth intersect: their fibers cannot be traced.
     #[error(
         "warp yarn {} and weft yarn {}, counted from 0 at the corner of the repeat, intersect by {:.1} um ({:.1} um along the warp and {:.1} um along the weft from their crossing; the crimps are {} and {}); use larger crimps, or wider spacings",
         .overlap.warp, .overlap.weft, .overlap.depth_um, .overlap.along_warp_um, .overlap.along_weft_um, .crimps[0], .crimps[1]
@@ -143,7 +144,7 @@ pub enum SimError {
         /// Crimps of warp and weft.
         crimps: [f64; 2],
     },
-    /// A yarn that would intersect itself where it bends.
+    /// A yarn would intersect itself where it bends.
     #[error(
         "{family}: a yarn bends with a radius of {radius_um:.1} um and is {half_um:.1} um wide to either side; use a smaller crimp, or a wider spacing of the other family"
     )]
@@ -167,10 +168,10 @@ pub enum SimError {
         /// Most that are allowed.
         allowed: f64,
     },
-    /// Something of the wave code.
+    /// Error of the wave code.
     #[error(transparent)]
     Wave(#[from] crate::wave::WaveError),
-    /// Something of the runtime: spec, table or file.
+    /// Error of the runtime: spec, table or file.
     #[error(transparent)]
     Runtime(#[from] plywave::Error),
 }

@@ -1,11 +1,11 @@
-//! What all shards of one incident latitude share.
+//! Data shared by all shards of one incident latitude.
 
 use crate::energy_grids::EnergyGrids;
 use crate::rays::surface::Surfaces;
 use plywave::spec::GaussianBeam;
 use plywave::table::OutgoingGrid;
 
-/// What is the same for all shards of an incident latitude.
+/// Data shared by all shards of an incident latitude.
 pub(crate) struct Incidence<'a> {
     pub theta_i: f64,
     pub h_um: &'a [f64],
@@ -23,7 +23,7 @@ pub(crate) struct Incidence<'a> {
 }
 
 impl Incidence<'_> {
-    /// Sideways tilt of a ray in the xy plane that is not exceeded: 5 standard deviations, at most 1 rad.
+    /// Largest sideways tilt of a ray in the xy plane: 5 standard deviations, at most 1 rad.
     pub fn sideways_rad(&self) -> f64 {
         (5.0 * self.beam.angular_sd_rad() / self.theta_i.cos().max(1e-3)).min(1.0)
     }

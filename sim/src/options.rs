@@ -18,12 +18,12 @@ pub enum TracerKind {
 /// Sizes of a simulation.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct SimOptions {
-    /// Name of the preset they started from, for the record.
+    /// Name of the preset that the options started from, for the record.
     pub preset: String,
     /// Seed of geometry and paths.
     pub seed: u64,
-    /// Geometry instances of the ensemble. Every path turns its instance at random, so that 8 do for what
-    /// hundreds of fixed ones would (docs/explain/papers.md, departure 8).
+    /// Geometry instances of the ensemble. Every path turns its instance at random, so that 8 instances do
+    /// the work of hundreds of fixed ones (docs/explain/papers.md, departure 8).
     pub instances: u32,
     /// Paths per incident latitude, shared by all h.
     pub paths_per_theta: u64,
@@ -37,17 +37,18 @@ pub struct SimOptions {
     pub theta_o_bins: u32,
     /// Azimuth bins of the outgoing sphere.
     pub phi_o_bins: u32,
-    /// Shards per incident latitude: the unit of work and of what an interruption loses.
+    /// Shards per incident latitude. A shard is the unit of work, and an interruption loses at most the
+    /// running shards.
     pub shards: u32,
     /// Which tracer walks the paths.
     pub tracer: TracerKind,
-    /// Trace the whole yarn of the spec's plies instead of one ply: the brute-force twin of the model's
-    /// multi-ply construction.
+    /// Whether to trace the whole yarn of the spec's plies instead of one ply: the brute-force reference of
+    /// the model's multi-ply construction.
     pub traced_plies: bool,
 }
 
 impl SimOptions {
-    /// Under a minute for polyester on two cores, fit included: to look at a yarn.
+    /// Preset for a first look: under a minute for polyester on two cores, fit included.
     pub fn preview() -> Self {
         SimOptions {
             preset: "preview".into(),
@@ -65,7 +66,7 @@ impl SimOptions {
         }
     }
 
-    /// The quality the shipped models are built at.
+    /// Preset of the shipped models.
     pub fn standard() -> Self {
         SimOptions {
             preset: "standard".into(),
@@ -81,7 +82,7 @@ impl SimOptions {
         }
     }
 
-    /// For measuring the others against.
+    /// Preset that the others are compared with.
     pub fn reference() -> Self {
         SimOptions {
             preset: "reference".into(),
@@ -96,7 +97,7 @@ impl SimOptions {
         }
     }
 
-    /// By name: "preview", "standard" or "reference".
+    /// The preset of this name: "preview", "standard" or "reference".
     pub fn preset(name: &str) -> Option<Self> {
         match name {
             "preview" => Some(Self::preview()),
@@ -106,7 +107,7 @@ impl SimOptions {
         }
     }
 
-    /// With the keys that the spec gives in place of the preset's.
+    /// These options with the overrides of the spec.
     pub fn overridden_by(mut self, spec: &SimulationSpec) -> Self {
         fn set<T: Copy>(to: &mut T, from: Option<T>) {
             if let Some(v) = from {

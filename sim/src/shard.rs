@@ -1,11 +1,11 @@
 //! One shard of a simulation: paths at one incident latitude, reweighted to every beam offset and absorption.
 //!
-//! A path's lateral position x is drawn once, uniformly (stratified) over the width that can meet the ply. A
-//! beam centered at h has the density N(x - h; w0/2) there, so the path counts for h with that density over
-//! its own: one path serves every h, and with exp(-sigma L) every sigma. Light beyond the drawn width misses
+//! A path's lateral position x is drawn once, uniformly (stratified) over the width that can hit the ply. A
+//! beam centered at h has the density N(x - h; w0/2) there, so the path's weight for h is that density over
+//! its own. One path serves every h, and with exp(-sigma L) every sigma. Light beyond the drawn width misses
 //! for certain; its share is the Gaussian's tail.
 //!
-//! A single ply also tells where light leaves it and where rays meet it, for the model of a yarn
+//! For a single ply, shards also record where light leaves it and where rays hit it, for the model of a yarn
 //! ([`plywave::table::ExitPositions`]).
 
 use crate::incidence::Incidence;
@@ -16,16 +16,16 @@ use nalgebra::Vector3;
 use rand::{Rng, RngExt};
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// Paths between two looks at the stop flag.
+/// Paths between two checks of the stop flag.
 const BATCH: u64 = 4096;
 /// Standard deviations beyond which a beam's density counts as 0; the mass beyond is 8e-11.
 const BEAM_SDS: f64 = 6.5;
 
 /// Azimuths of exit positions: 10 degrees each.
 pub(crate) const EXIT_AZIMUTHS: usize = 36;
-/// Lateral positions at which light leaves.
+/// Bins of lateral positions at which light leaves.
 pub(crate) const EXIT_POSITIONS: usize = 16;
-/// Lateral positions at which rays meet the ply.
+/// Bins of lateral positions at which rays hit the ply.
 pub(crate) const MET_POSITIONS: usize = 64;
 
 /// Sums over the paths of one or more shards. Densities are not yet divided by solid angle and path count.
@@ -37,27 +37,27 @@ pub(crate) struct Sums {
     pub energy: Vec<f64>,
     /// `[h][1 + sigma]`: sum of weight^2 / solid angle.
     pub noise: Vec<f64>,
-    /// `[h]`: weight of paths that met nothing, with the beam's tail.
+    /// `[h]`: weight of paths that hit nothing, with the beam's tail.
     pub missed: Vec<f64>,
     /// `[h]`: weight of killed paths.
     pub killed: Vec<f64>,
-    /// `[h]`: sum over pairs of neighboring strata of the squared difference of their total weights; of
-    /// yarns, over shards' instances of the square of what their total weights are off by.
+    /// `[h]`: sum over pairs of neighboring strata of the squared difference of their total weights; for
+    /// yarns, sum over the shards' instances of the squared error of their total weights.
     pub variance: Vec<f64>,
-    /// Paths drawn; paths that met a fiber; their wall interactions.
+    /// Paths drawn; paths that hit a fiber; their wall interactions.
     pub counts: [f64; 3],
-    /// `[azimuth][position][h][1 + sigma]`: weight by the place where it left; empty when not recorded.
+    /// `[azimuth][position][h][1 + sigma]`: weight by exit position; empty when not recorded.
     pub exit: Vec<f64>,
-    /// `[2][x]`: paths through a lateral position, and those of them that met a fiber; empty when not
+    /// `[2][x]`: paths through a lateral position, and those of them that hit a fiber; empty when not
     /// recorded.
     pub met: Vec<f64>,
-    /// `[row][bin]`: chance to hit a fiber by lateral position, at each fine latitude, summed over instances;
-    /// with what follows empty where energies are not tallied.
+    /// `[row][bin]`: probability to hit a fiber by lateral position, at each fine latitude, summed over
+    /// instances. This field and the next two are empty where energies are not tallied.
     pub miss_met: Vec<f64>,
     /// `[row][h]`: square of the missed share, summed over instances.
     pub miss_squares: Vec<f64>,
-    /// `[row][bin][2 + sigma]`: of paths that hit a fiber, by lateral position: killed, reflected, high-order
-    /// at each sigma.
+    /// `[row][bin][2 + sigma]`: energies of paths that hit a fiber, by lateral position: killed, reflected,
+    /// high-order at each sigma.
     pub shares: Vec<f64>,
 }
 
@@ -116,7 +116,7 @@ impl Sums {
         ]
     }
 
-    /// As a part.
+    /// The sums as a part.
     pub fn into_part(self) -> Part {
         let Sums { bins, energy, noise, missed, killed, variance, counts, exit, met, .. } = self;
         let Sums { miss_met, miss_squares, shares, .. } = self;
@@ -125,7 +125,7 @@ impl Sums {
         Part::new(std::iter::once(Values::F32(bins)).chain(doubles.into_iter().map(Values::F64)).collect())
     }
 
-    /// From a part of [`Sums::layout`].
+    /// Sums from a part of [`Sums::layout`].
     pub fn from_part(part: &Part) -> Sums {
         let doubles = |at: usize| part.f64(at).to_vec();
         let mut counts = [0.0; 3];
@@ -146,7 +146,7 @@ impl Sums {
         }
     }
 
-    /// What cannot be of sums over `paths` paths.
+    /// Checks that sums over `paths` paths are possible; the error names the impossible value.
     pub fn check(&self, paths: u64) -> Result<(), String> {
         let [drawn, hits, _] = self.counts;
         if drawn != paths as f64 || hits > drawn {
@@ -160,7 +160,7 @@ impl Sums {
     }
 }
 
-/// Trace `paths` paths over one ply or yarn and add them to `sums`. None when stopped.
+/// Traces `paths` paths over one ply or yarn and adds them to `sums`. None when stopped.
 pub(crate) fn trace_paths<R: Rng>(
     at: &Incidence<'_>,
     target: &Target<'_>,
@@ -174,7 +174,7 @@ pub(crate) fn trace_paths<R: Rng>(
     let sd = at.beam.sd_um();
     let peak = 2.0 * half / (sd * std::f64::consts::TAU.sqrt());
     let (h_count, channels) = (at.h_um.len(), 1 + at.sigma_per_um.len());
-    // A latitude of the energies alone has no offsets.
+    // A latitude of energies alone has no offsets.
     let (first_h, inv_dh) = if h_count > 1 { (at.h_um[0], 1.0 / (at.h_um[1] - at.h_um[0])) } else { (0.0, 1.0) };
     let inv_solid_angle: Vec<f64> = (0..at.grid.theta_o).map(|i| 1.0 / at.grid.solid_angle(i)).collect();
     let mut weights = vec![0.0f64; h_count];
@@ -193,7 +193,7 @@ pub(crate) fn trace_paths<R: Rng>(
         let x = half * (2.0 * (i as f64 + u) / paths as f64 - 1.0);
         let dir = ray(at, rng);
         let (end, share) = target.walk(i, x, dir, at.surfaces, rng, &mut shares);
-        // Weight of the path for each h that its position can serve.
+        // Weight of the path for each h that its position contributes to.
         let lo = ((x - BEAM_SDS * sd - first_h) * inv_dh).ceil().max(0.0) as usize;
         let hi = (((x + BEAM_SDS * sd - first_h) * inv_dh).floor() + 1.0).clamp(0.0, h_count as f64) as usize;
         for n in lo..hi {
@@ -212,7 +212,7 @@ pub(crate) fn trace_paths<R: Rng>(
                 sums.met[MET_POSITIONS + place.min(MET_POSITIONS - 1)] += 1.0;
             }
         }
-        // Instances differ in the width that is drawn over.
+        // Instances differ in the drawn width.
         let tally = at.energies.and_then(|e| e.bins.of(x).map(|bin| (bin * (channels + 1), half / e.bins.reach_um)));
         let mut record = |dir: Vector3<f32>, pos: Vector3<f32>, first: usize, absorbed: &[f64], interactions: u32| {
             sums.counts[1] += 1.0;
@@ -278,7 +278,7 @@ pub(crate) fn trace_paths<R: Rng>(
         let tail = paths as f64 * (upper_tail((half - h) / sd) + upper_tail((half + h) / sd));
         sums.missed[n] += tail;
         if matches!(target, Target::Yarn(..)) {
-            // Neighbors differ in psi: what the shard's total is off by, its mean being known, tells the
+            // Neighbors differ in psi. The mean of the shard's total is known, so its error estimates the
             // variance.
             sums.variance[n] += (previous[n] + tail - paths as f64).powi(2);
         }
@@ -286,7 +286,7 @@ pub(crate) fn trace_paths<R: Rng>(
     Some(())
 }
 
-/// Place `[azimuth][position]` of the line through `pos` in direction `dir`: position along (-sin phi, cos
+/// Exit bin `[azimuth][position]` of the line through `pos` in direction `dir`: position along (-sin phi, cos
 /// phi) over [-radius, radius].
 fn exit_place(dir: Vector3<f32>, pos: Vector3<f32>, radius: f32) -> usize {
     let across = dir.xy().norm().max(1e-12);

@@ -29,19 +29,19 @@ use std::sync::atomic::{AtomicBool, Ordering};
 const MAX_CELLS: f64 = 2.7e8;
 /// Marks the streams of the energies' own rays and paths.
 const ENERGIES: u64 = 1 << 63;
-/// How far the energies of an incidence may be off 1 for a table to be saved.
+/// Largest deviation of an incidence's energies from 1 at which a table is saved.
 const ENERGY_TOLERANCE: f64 = 0.05;
 
-/// Paths that [`simulate`] will report through `progress`, in all.
+/// Total number of paths that [`simulate`] reports through `progress`.
 pub fn total_paths(options: &SimOptions) -> u64 {
     let rows = u64::from(options.theta_i_nodes.max(2));
     let rows = if options.traced_plies { rows } else { (rows - 1) * share_rows(options) as u64 + 1 };
     rows * shard_paths(options) * u64::from(options.shards.max(1))
 }
 
-/// Simulate the scattering of `spec`, whose text is `spec_text` (kept in the table), on the threads of the
-/// current rayon pool: that of one ply, or with `options.traced_plies` that of the whole yarn, its plies
-/// parallel where they lie. Progress counts paths.
+/// Simulates the scattering of one ply of `spec`, or with `options.traced_plies` of the whole yarn with
+/// parallel plies. It runs on the current rayon pool; `spec_text` is the text of `spec` and is kept in the
+/// table. Progress counts paths.
 ///
 /// # Errors
 /// [`SimError::CannotPack`] and the like when the geometry cannot be built, [`SimError::Interrupted`] when
@@ -93,7 +93,7 @@ impl SimulateJob {
         })
     }
 
-    /// The same job from its description.
+    /// The job of a description.
     ///
     /// # Errors
     /// [`SimError::Merge`] and those of the spec.
@@ -103,8 +103,7 @@ impl SimulateJob {
         SimulateJob::new(&spec, &description.spec, &options)
     }
 
-    /// Refuses a run whose energies would be off 1 by more than a table may be, for the noise of its few
-    /// paths.
+    /// Refuses a run with so few paths that the noise of its energies exceeds the tolerance of a table.
     ///
     /// # Errors
     /// [`SimError::TooFewPaths`].
@@ -165,20 +164,20 @@ impl SimulateJob {
         }
     }
 
-    /// A latitude between those of the slices, `row` of `rows` parts beyond latitude `m`: no slices, only
-    /// energies.
+    /// A latitude between those of the slices, `row` of `rows` parts beyond latitude `m`. It has energies but
+    /// no slices.
     fn between(&self, m: usize, row: usize, rows: usize) -> Incidence<'_> {
         let step = self.theta_i[1] - self.theta_i[0];
         let theta_i = self.theta_i[m] + step * row as f64 / rows as f64;
         Incidence { theta_i, h_um: &[], record_exits: false, ..self.incidence(m) }
     }
 
-    /// Of `rows` parts of a step, those that latitude `m` has: the last has itself alone.
+    /// Number of rows at latitude `m` for `rows` parts of a step: the last latitude has only itself.
     fn rows_at(&self, m: usize, rows: usize) -> usize {
         if m + 1 < self.theta_i.len() { rows } else { 1 }
     }
 
-    /// The instances, made when they are first asked for.
+    /// The instances, built at the first call.
     fn tracers(&self) -> Result<&[Box<dyn Tracer + Send>], SimError> {
         if let Some(tracers) = self.tracers.get() {
             return Ok(tracers);
@@ -221,7 +220,7 @@ impl Job for SimulateJob {
     }
 
     fn shard_bytes(&self) -> Option<usize> {
-        // The sums of a lane, and as much again that waits for its turn.
+        // The sums of a lane, and as much again for the sums that wait for their turn.
         Some(self.layout(0).iter().map(|a| a.len() * if a.single { 8 } else { 16 }).sum())
     }
 
@@ -252,7 +251,7 @@ impl Job for SimulateJob {
                 return Ok(None);
             }
             let Some(energies) = &self.energies else { continue };
-            // Streams of their own: the slices' paths are the same whatever the energies' grids are.
+            // Separate streams, so that the slices' paths do not depend on the energies' grids.
             let mut rng = stream(options.seed, [m as u64, ENERGIES | first as u64]);
             for row in 1..self.rows_at(m, energies.share_rows) {
                 let at = self.between(m, row, energies.share_rows);
@@ -324,7 +323,7 @@ fn shard_paths(options: &SimOptions) -> u64 {
     instance_paths(options) * instances_per_shard(options)
 }
 
-/// A well-mixed 128-bit state from the seed and the place of a stream.
+/// Random stream with a well-mixed 128-bit state from the seed and the stream's place.
 pub(crate) fn stream(seed: u64, place: [u64; 2]) -> Pcg64Mcg {
     let mut state = SplitMix64(seed);
     let mut word = |salt: u64| {
@@ -391,8 +390,8 @@ fn empty_table(
     }
 }
 
-/// Slices of incident latitude `m` from its sums: divided by the paths drawn and the solid angles, and
-/// nothing else.
+/// Fills the slices of incident latitude `m` from its sums, divided by the paths drawn and the solid angles
+/// only.
 fn fill(table: &mut Table, m: usize, at: &Incidence<'_>, sums: &Sums) {
     let (hs, ks) = (at.h_um.len(), at.sigma_per_um.len());
     let bins = at.grid.len();
@@ -431,7 +430,7 @@ fn fill(table: &mut Table, m: usize, at: &Incidence<'_>, sums: &Sums) {
     table.interactions[m] = sums.counts[2] / sums.counts[1].max(1.0);
 }
 
-/// Shares of the exit positions and of the rays that met the ply, of incident latitude `m`.
+/// Fills the shares of the exit positions and of the rays that hit the ply, at incident latitude `m`.
 fn fill_exits(exit: &mut ExitPositions, m: usize, at: &Incidence<'_>, sums: &Sums) {
     let rows = at.h_um.len() * (1 + at.sigma_per_um.len());
     let (azimuths, positions) = (exit.azimuths, exit.positions);

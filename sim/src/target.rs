@@ -1,12 +1,12 @@
-//! What the paths of a shard meet: one ply, or the whole yarn of P plies, seen from its ply 0.
+//! Target of a shard's paths: one ply, or the whole yarn of P plies, seen from its ply 0.
 //!
 //! *One ply.* Each path turns it about z and shifts it along z at random.
 //!
-//! *The yarn* (the brute-force twin of the multi-ply model, Yu 2025, 5.3): plies lie parallel on their circle
-//! about the yarn's axis, ply 0 with its axis in the origin, at the azimuth psi about the yarn's axis; every
-//! ply is turned and shifted at random on its own, and psi is drawn for each path. For offset h only those
-//! psi count at which the line x = h meets ply 0 first ([`PlyRing::is_valid`]). As one path serves every h,
-//! it counts for h by valid(psi, h)/V(h), V(h) the fraction of psi that is valid. Psi follows the golden
+//! *The yarn* (the brute-force reference of the multi-ply model, Yu 2025, 5.3): plies lie parallel on their
+//! circle about the yarn's axis. Ply 0 has its axis in the origin, at the azimuth psi about the yarn's axis.
+//! Every ply is turned and shifted at random on its own, and psi is drawn for each path. For offset h only
+//! those psi count at which the line x = h hits ply 0 first ([`PlyRing::is_valid`]). As one path serves every
+//! h, its weight for h is valid(psi, h)/V(h), V(h) the fraction of psi that is valid. Psi follows the golden
 //! ratio from path to path, which with the stratified lateral position covers the rectangle (x, psi) evenly.
 
 use crate::incidence::Incidence;
@@ -22,9 +22,9 @@ use std::f64::consts::TAU;
 
 /// Step of psi from path to path, in turns: the golden ratio.
 pub(crate) const GOLDEN: f64 = 0.618_033_988_749_894_9;
-/// Most plies of a yarn.
+/// Largest number of plies of a yarn.
 const MAX_PLIES: usize = 7;
-/// Fibers that a ply may have, in the yarn's numbers of fibers.
+/// Stride of the yarn's fiber numbers: a ply has fewer fibers.
 const FIBERS: u32 = 1 << 16;
 
 /// The yarn's plies and the psi that are valid for each h.
@@ -56,7 +56,7 @@ impl YarnTwin {
     }
 }
 
-/// What paths meet.
+/// Target of the paths.
 pub(crate) enum Target<'a> {
     /// One ply.
     Ply(&'a dyn Tracer),
@@ -65,9 +65,9 @@ pub(crate) enum Target<'a> {
 }
 
 impl Target<'_> {
-    /// Half of the width over which lateral positions are drawn [um]: all rays that can meet the ply or yarn,
-    /// their sideways tilt in the xy plane up to 5 standard deviations (at most 1 rad) included, but no
-    /// further than beams reach: `beam_sds` standard deviations beyond the last h.
+    /// Half of the width over which lateral positions are drawn [um]. It covers all rays that can hit the ply
+    /// or yarn with a sideways tilt in the xy plane of up to 5 standard deviations (at most 1 rad), but ends
+    /// where beams end: `beam_sds` standard deviations beyond the last h.
     pub fn half_width(&self, at: &Incidence<'_>, beam_sds: f64) -> f64 {
         let tilt = at.sideways_rad();
         match self {
@@ -80,9 +80,9 @@ impl Target<'_> {
         }
     }
 
-    /// Walk path number `i`, which would pass through (x, 0) at the origin's height in direction `dir`, to
-    /// its end. Directions and places are those of the beam's frame. True when the path counts for each h by
-    /// `shares`, else it counts as it is.
+    /// Walks path number `i`, whose line passes through (x, 0) at the origin's height in direction `dir`, to
+    /// its end. Directions and positions are in the beam's frame. Returns true when `shares` weights the path
+    /// for each h; else its weight is unchanged.
     pub fn walk<R: Rng>(
         &self,
         i: u64,
@@ -106,7 +106,7 @@ impl Target<'_> {
     }
 }
 
-/// Direction of a ray of the beam: its center's with the divergence.
+/// Direction of a ray of the beam: that of its center plus the divergence.
 pub(crate) fn ray<R: Rng>(at: &Incidence<'_>, rng: &mut R) -> Vector3<f32> {
     let (sin_i, cos_i) = (at.theta_i as f32).sin_cos();
     // Propagation of the beam's center, and the transverse axis beside x.
@@ -164,7 +164,7 @@ fn walk_yarn<R: Rng>(
     });
     let yarn = Yarn { placed, plies: ring.plies as usize };
     let (dx, dy) = (f64::from(dir.x), f64::from(dir.y));
-    // Entry into the first bounding cylinder, in f64: at grazing incidence it lies far from the beam's waist.
+    // Entry into the first bounding cylinder, in f64. At grazing incidence it lies far from the beam's waist.
     let first = (0..ring.plies)
         .filter_map(|p| {
             let [cx, cy] = ring.center(p, psi);
@@ -178,12 +178,12 @@ fn walk_yarn<R: Rng>(
     if first == f64::INFINITY {
         return PathEnd::Miss;
     }
-    // The height along z is any: every ply has its own random shift.
+    // The height along z does not matter: every ply has its own random shift.
     let p = Vector3::new((x + first * dx) as f32, (first * dy) as f32, 0.0);
     trace_path_among(&yarn, surfaces, p, dir, rng)
 }
 
-/// A ply in its place: its tracer's frame is turned, moved and shifted.
+/// A placed ply: its tracer's frame is turned, moved and shifted.
 struct Placed<'a> {
     tracer: &'a dyn Tracer,
     center: Vector2<f32>,
@@ -329,7 +329,7 @@ mod tests {
         (0..15).map(|n| 28.0 * (f64::from(n) / 7.0 - 1.0)).collect()
     }
 
-    /// Share of the beam at `h` that meets none of the solid plies, by quadrature over the beam and the valid
+    /// Share of the beam at `h` that hits none of the solid plies, by quadrature over the beam and the valid
     /// psi.
     fn missed(ring: PlyRing, sd: f64, h: f64) -> f64 {
         let (turns, lines) = (1200, 200);
@@ -351,8 +351,8 @@ mod tests {
         sum / valid
     }
 
-    /// In parallel light at normal incidence, what misses a yarn is what misses its section; the beam's
-    /// divergence of 0.02 rad is little.
+    /// In parallel light at normal incidence, the light that misses a yarn is that which misses its section;
+    /// the beam's divergence of 0.02 rad is negligible.
     #[test]
     fn what_misses_a_yarn_of_solid_plies_is_geometry() {
         let (tracer, walls) = (solid(), walls(0.2));
@@ -371,7 +371,7 @@ mod tests {
                     let got = sums.missed[n] / paths as f64;
                     let want = missed(ring, at.beam.sd_um(), *h);
                     // Some 4000 paths serve a beam; the weights of the valid psi, 1/V, raise the noise of
-                    // what they share.
+                    // their share.
                     let share = twin.valid[n].1;
                     let tol = 5.0 * (want * (1.0 - want) / share / 4e3).sqrt() + 3e-3;
                     assert!(
@@ -412,7 +412,7 @@ mod tests {
         let energy: f64 = sums.energy.iter().step_by(2).sum();
         assert!((light / energy - 1.0).abs() < 1e-9, "{light} recorded of {energy}");
         let (drawn, met) = sums.met.split_at(sums.met.len() / 2);
-        // Every line through the cylinder meets it, but for tilted ones at the rim.
+        // Every line through the cylinder hits it, except tilted ones at the rim.
         assert!(drawn.iter().zip(met).skip(1).take(62).all(|(d, m)| d == m), "{drawn:?} {met:?}");
     }
 }

@@ -50,10 +50,7 @@ fn crates_depend_on_those_below() {
         ("capi/Cargo.toml", &["plywave"]),
         ("pipeline/Cargo.toml", &["plywave", "plywave-fabrics", "plywave-fit", "plywave-sim"]),
         ("cli/Cargo.toml", &["plywave", "plywave-fit", "plywave-pipeline", "plywave-render", "plywave-sim"]),
-        (
-            "python/Cargo.toml",
-            &["plywave", "plywave-fit", "plywave-pipeline", "plywave-sim"],
-        ),
+        ("python/Cargo.toml", &["plywave", "plywave-fit", "plywave-pipeline", "plywave-sim"]),
     ];
     for (manifest, expected) in edges {
         let own: Vec<String> = dependencies(manifest).into_iter().filter(|d| d.starts_with("plywave")).collect();

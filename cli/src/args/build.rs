@@ -29,10 +29,10 @@ impl Preset {
 /// Flags about the finished shards of an earlier run.
 #[derive(Clone, Copy, Debug, Default, Args)]
 pub struct ResumeArgs {
-    /// Go on with a run that was stopped; the result is bit for bit that of one that was not.
+    /// Continue a stopped run; the result has the same bits as that of an uninterrupted run.
     #[arg(long)]
     pub resume: bool,
-    /// Delete the finished shards of a run that was stopped, and start over.
+    /// Delete the finished shards of a stopped run and start over.
     #[arg(long, conflicts_with = "resume")]
     pub fresh: bool,
 }
@@ -40,11 +40,11 @@ pub struct ResumeArgs {
 /// Flags of a share of a run.
 #[derive(Clone, Debug, Default, Args)]
 pub struct ShardArgs {
-    /// Run part K of N only, here or on another machine, and write its part; `plywave merge` joins all parts
-    /// to the bits of one run.
+    /// Run only part K of N and write a part file; `plywave merge` joins all parts, from any machines, into
+    /// the same bits as a single run.
     #[arg(long, value_name = "K/N", value_parser = crate::commands::runs::share)]
     pub shards: Option<(usize, usize)>,
-    /// Print how the run is cut into shards, and its identity; run nothing.
+    /// Print the shards of the run and its identity; run nothing.
     #[arg(long, conflicts_with = "shards")]
     pub plan: bool,
 }
@@ -65,7 +65,7 @@ pub struct MergeArgs {
     /// Parts written with --shards (.pwp), all of one run, in any order.
     #[arg(required = true)]
     pub parts: Vec<PathBuf>,
-    /// What the run makes: a table (.pwt), a fiber (.pwf), patterns (.pws), the twin of a cloth (.pwx), the
+    /// Output of the run: a table (.pwt), a fiber (.pwf), patterns (.pws), the twin of a cloth (.pwx), the
     /// folder of a comparison, or a JSON file of a scene.
     #[arg(long, short, value_name = "OUTPUT")]
     pub output: PathBuf,
@@ -96,7 +96,7 @@ pub struct RunArgs {
 pub enum Plies {
     /// One ply, as every model needs it.
     One,
-    /// All plies of the yarn, path by path: the truth that the yarn's model is measured against.
+    /// All plies of the yarn, traced together: the brute-force reference of the yarn's model.
     Traced,
 }
 
@@ -130,11 +130,11 @@ pub struct FitArgs {
     /// Quality of the fit [default: the table's].
     #[arg(long, value_enum)]
     pub preset: Option<Preset>,
-    /// Make the model of this spec's yarn in place of that of the table's: of as many plies as it says, made
-    /// of the fibers and the ply of the table.
+    /// Fit the yarn of this spec instead of the table's. The yarn may have another number of plies; its
+    /// fibers and plies must be those of the table.
     #[arg(long, value_name = "SPEC")]
     pub spec: Option<PathBuf>,
-    /// Write the yarn's table too, made of the ply's where the spec's yarn has several plies.
+    /// Also write the table of the yarn, computed from that of one ply; the yarn must have several plies.
     #[arg(long, value_name = "TABLE")]
     pub yarn_table: Option<PathBuf>,
 }
@@ -150,17 +150,17 @@ pub struct BuildArgs {
     /// Keep the simulated table too, under the model's name with .pwt.
     #[arg(long)]
     pub keep_table: bool,
-    /// Without speckle; preview quality has none.
+    /// Leave speckle out; preview quality has none.
     #[arg(long, conflicts_with = "speckle")]
     pub smooth: bool,
-    /// Speckle patterns (.pws) to make the noise from, in place of solving for 200 fibers.
+    /// Make the noise from these speckle patterns (.pws) instead of solving for 200 fibers.
     #[arg(long, value_name = "PATTERNS")]
     pub speckle: Option<PathBuf>,
-    /// Largest fit error of an f_refl slice of a good fit; beyond it the exit code is 1, and the model is
-    /// kept.
+    /// Limit of the fit error of an f_refl slice; beyond it the exit code is 1, and the model is written all
+    /// the same.
     #[arg(long, value_name = "ERROR", default_value_t = FitQuality::good().refl)]
     pub max_error_refl: f64,
-    /// The same of f_high, as a share of the slice's light at sigma = 0.
+    /// Limit of the fit error of an f_high slice, as a share of its light at sigma = 0.
     #[arg(long, value_name = "ERROR", default_value_t = FitQuality::good().high)]
     pub max_error_high: f64,
     /// How to run.

@@ -7,20 +7,20 @@ use std::path::PathBuf;
 /// `plywave family`.
 #[derive(Debug, Args)]
 pub struct FamilyArgs {
-    /// Yarn spec with `[family]` (TOML), to make its family; or a family (.pwfam), to take a model out of it.
+    /// Yarn spec with `[family]` (TOML), to make its family; or a family (.pwfam), to extract a model.
     pub input: PathBuf,
-    /// What to write [default: INPUT's name with .pwfam for a spec, with .pwm for a family, in this folder].
+    /// File to write [default: INPUT's name with .pwfam for a spec, with .pwm for a family, in this folder].
     #[arg(long, short, value_name = "OUTPUT")]
     pub output: Option<PathBuf>,
-    /// A parameter of the model to take out of a family: fiber_pitch_um, alpha_fiber or eta; several times
-    /// for several. Others are those of the family's spec.
+    /// Set a parameter of the extracted model: fiber_pitch_um, alpha_fiber or eta. Repeat the flag to set
+    /// several; the others are those of the family's spec.
     #[arg(long, value_name = "KEY=VALUE", value_parser = param)]
     pub param: Vec<(String, f64)>,
-    /// Nodes along each axis to begin with.
+    /// Initial number of nodes along each axis.
     #[arg(long, value_name = "N", default_value_t = 3, value_parser = clap::value_parser!(u32).range(2..=64))]
     pub nodes: u32,
-    /// Most nodes along an axis: nodes are added where interpolation is worst, until it is as good as a fit
-    /// or there are so many.
+    /// Largest number of nodes along an axis. Nodes are added where interpolation is worst, until it is as
+    /// good as a fit or this number is reached.
     #[arg(long, value_name = "N", default_value_t = 7, value_parser = clap::value_parser!(u32).range(2..=64))]
     pub most_nodes: u32,
     /// How to run.

@@ -60,13 +60,13 @@ pub struct SampleArgs {
 /// `plywave check`.
 #[derive(Debug, Args)]
 pub struct CheckArgs {
-    /// Model, or fabric spec. A fabric is compared with its twin alone.
+    /// Model, or fabric spec. A fabric is only compared with its twin.
     pub model: PathBuf,
-    /// Table to compare the model's slices with, best one of another seed.
+    /// Table to compare the model's slices with, preferably of another seed.
     #[arg(long, value_name = "TABLE")]
     pub table: Option<PathBuf>,
-    /// Traced yarn (`plywave simulate SPEC --plies traced`) to compare a yarn of several plies with, and the
-    /// table of --table too. A --table that is traced serves as well.
+    /// Traced yarn (`plywave simulate SPEC --plies traced`) to compare a yarn of several plies with, and also
+    /// the table of --table. A traced --table has the same effect.
     #[arg(long, value_name = "TABLE")]
     pub traced: Option<PathBuf>,
     /// Twin of the fabric, which `plywave twin` writes.
@@ -91,8 +91,8 @@ pub struct CheckArgs {
 pub struct DiffArgs {
     /// First model or table.
     pub a: PathBuf,
-    /// Second model or table. Of models with other nodes, incidences that both hold are compared. Of tables,
-    /// the incidences and absorptions that both hold are compared, the noise of both taken off.
+    /// Second model or table. Models with different nodes are compared at their common incidences, tables at
+    /// their common incidences and absorptions, with the noise of both removed.
     pub b: PathBuf,
     /// Largest relative L2 distance of a slice that passes [default: 0.02].
     #[arg(long, value_name = "TOL", allow_negative_numbers = true)]
@@ -104,7 +104,7 @@ pub struct DiffArgs {
     /// density].
     #[arg(long, value_name = "DEG", allow_negative_numbers = true)]
     pub tol_drift: Option<f64>,
-    /// Of tables, leave out offsets beyond this |h/R|, where little light is scattered [default: all].
+    /// Compare tables only at offsets up to this |h/R|; beyond, little light is scattered [default: all].
     #[arg(long, value_name = "H", allow_negative_numbers = true)]
     pub max_h_rel: Option<f64>,
 }
@@ -115,10 +115,10 @@ pub struct DiffArgs {
 pub struct ColorArgs {
     /// Model, or fabric spec.
     pub model: PathBuf,
-    /// What the color is a color of, of a fabric [default: as its spec says]
+    /// Light of a fabric that the color describes [default: that of its spec].
     #[arg(long, value_enum, value_name = "WHAT")]
     pub color_of: Option<ColorOfChoice>,
-    /// Color of the light sent back under D65, encoded sRGB, 0 to 1.
+    /// Target color under D65, encoded sRGB, 0 to 1.
     #[arg(
         long,
         value_name = "R,G,B",
@@ -128,10 +128,10 @@ pub struct ColorArgs {
         group = "wanted"
     )]
     pub srgb: Vec<f64>,
-    /// Reflectances from 0.38 to 0.78 um in equal steps, one for a gray.
+    /// Target reflectances from 0.38 to 0.78 um in equal steps; one value for a gray.
     #[arg(long, value_name = "R", num_args = 1..=401, value_delimiter = ',', allow_negative_numbers = true, group = "wanted")]
     pub reflectance: Vec<f64>,
-    /// Albedo at this latitude [degrees], of a model [default: under diffuse light].
+    /// Use the model's albedo at this latitude [degrees] [default: under diffuse light].
     #[arg(long, value_name = "DEG", allow_negative_numbers = true, conflicts_with = "color_of")]
     pub theta_i: Option<f64>,
 }

@@ -12,11 +12,11 @@ pub enum Part {
     Maps,
     /// Energy over (theta_i, h).
     Energy,
-    /// Fit error (of a table its noise) over (theta_i, h).
+    /// Fit error (for a table, its noise) over (theta_i, h).
     Errors,
-    /// Of a model with noise: f_refl and f_high of one instance beside the smooth ones, in color.
+    /// For a model with noise: f_refl and f_high of one instance beside the smooth ones, in color.
     Noise,
-    /// Of a spec: the edge lobes beside the diffraction integral, instead of gaps.
+    /// For a spec: the edge lobes beside the diffraction integral, instead of gaps.
     Edge,
 }
 
@@ -35,16 +35,16 @@ pub struct PlotArgs {
     /// With a table: the model to set beside it, with the residual.
     #[arg(long, value_name = "MODEL")]
     pub model: Option<PathBuf>,
-    /// Another table or model, drawn below on the same scale: a ply alone and in its yarn, say.
+    /// Another table or model to draw below on the same scale, such as a ply below its yarn.
     #[arg(long, value_name = "FILE", conflicts_with_all = ["table", "model"])]
     pub beside: Option<PathBuf>,
-    /// One incidence: latitude [degrees], to the nearest node of a table [default: an overview].
+    /// Latitude of one incidence [degrees]; a table uses its nearest node [default: an overview].
     #[arg(long, value_name = "DEG", allow_negative_numbers = true)]
     pub theta_i: Option<f64>,
-    /// One incidence: offset of the beam's center over the ply radius, to the nearest node of a table.
+    /// Offset of one incidence, the beam's center over the ply radius; a table uses its nearest node.
     #[arg(long, value_name = "H", allow_negative_numbers = true)]
     pub h_rel: Option<f64>,
-    /// Absorption coefficients [1/um], one to four; the nearest of a table [default: 0 in maps, and one of
+    /// One to four absorption coefficients [1/um]; a table uses its nearest [default: 0 in maps, and one of
     /// the table's in the budget].
     #[arg(long, value_name = "SIGMA", num_args = 1..=4, value_delimiter = ',')]
     pub sigma: Vec<f64>,

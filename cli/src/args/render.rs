@@ -25,9 +25,9 @@ pub enum Scene {
 /// How light between strands is found.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum Integrator {
-    /// Paths are followed.
+    /// Path tracing.
     Path,
-    /// Dual scattering: estimated from the strands that shadow rays meet, with an error
+    /// Dual scattering: estimated from the strands that shadow rays hit, with an error
     /// (docs/explain/dual_scattering.md).
     Dual,
 }
@@ -51,7 +51,7 @@ pub struct RenderArgs {
     /// name with .png, in this folder].
     #[arg(long, short, value_name = "PNG|EXR")]
     pub output: Option<PathBuf>,
-    /// No EXR beside the PNG.
+    /// Write no EXR beside the PNG.
     #[arg(long)]
     pub no_exr: bool,
     /// Width of the picture [pixels].
@@ -60,35 +60,35 @@ pub struct RenderArgs {
     /// Height of the picture [pixels].
     #[arg(long, value_name = "N", allow_negative_numbers = true, default_value_t = 512, value_parser = clap::value_parser!(u32).range(1..=65536))]
     pub height: u32,
-    /// Samples a pixel.
+    /// Samples per pixel.
     #[arg(long, value_name = "N", allow_negative_numbers = true, default_value_t = 64, value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
     pub samples: u32,
-    /// Most scatterings of a path. Paths are thinned out by chance, so that the default leaves out next to
-    /// nothing; a note tells what fewer leave out.
+    /// Largest number of scatterings of a path. Paths end by Russian roulette, so the default leaves out
+    /// almost no light; for smaller numbers a note estimates the light left out.
     #[arg(long, value_name = "N", allow_negative_numbers = true, default_value_t = plywave_render::MAX_SCATTERINGS, value_parser = clap::value_parser!(u32).range(1..=i64::from(plywave_render::MAX_SCATTERINGS)))]
     pub depth: u32,
-    /// How light between strands is found [default: path].
+    /// Method for the light between strands [default: path].
     #[arg(long, value_enum)]
     pub integrator: Option<Integrator>,
     /// Width of the cloth, or largest extent of a mesh [mm] [default: the scene's].
     #[arg(long, value_name = "MM", allow_negative_numbers = true)]
     pub size_mm: Option<f64>,
-    /// Mesh in place of the scene's own: Wavefront OBJ with texture coordinates, z up; centered, and scaled
+    /// Mesh instead of the scene's own: Wavefront OBJ with texture coordinates, z up; centered, and scaled
     /// to --size-mm.
     #[arg(long, value_name = "OBJ")]
     pub mesh: Option<PathBuf>,
-    /// Cloth to one unit of the mesh's texture coordinates [mm].
+    /// Length of cloth per unit of the mesh's texture coordinates [mm].
     #[arg(long, value_name = "MM", allow_negative_numbers = true, default_value_t = 100.0, requires = "mesh")]
     pub cloth_mm: f64,
-    /// Light from afar in place of the scene's own: OpenEXR or Radiance .hdr, in latitude and longitude, z
-    /// up; 1 is as bright as a white cloth under it.
+    /// Environment map instead of the scene's own light from afar: OpenEXR or Radiance .hdr, in latitude and
+    /// longitude, z up; under a uniform map of 1, a white cloth has radiance 1.
     #[arg(long, value_name = "EXR|HDR")]
     pub sky: Option<PathBuf>,
     /// Layer of the EXR that is the sky, where it has several.
     #[arg(long, value_name = "NAME", requires = "sky")]
     pub sky_layer: Option<String>,
-    /// Place of the camera in place of the scene's own [mm]: x, y, z, with z up; a flat sheet lies about the
-    /// origin at z = 0.
+    /// Position of the camera [mm]: x, y, z, with z up; a flat sheet lies about the origin at z = 0
+    /// [default: the scene's].
     #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true, value_parser = triple)]
     pub camera: Option<[f64; 3]>,
     /// Point in the middle of the picture [mm] [default: the scene's, about the origin].
@@ -97,37 +97,37 @@ pub struct RenderArgs {
     /// Direction that is up in the picture [default: the scene's, or z].
     #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true, value_parser = triple)]
     pub up: Option<[f64; 3]>,
-    /// Angle across the picture's height [degrees] [default: the scene's].
+    /// Vertical field of view [degrees] [default: the scene's].
     #[arg(long, value_name = "DEG", allow_negative_numbers = true)]
     pub fov: Option<f64>,
-    /// One absorption coefficient [1/um] for all yarns in place of their colors; 0 for a white fabric.
+    /// One absorption coefficient [1/um] for all yarns instead of their colors; 0 for a white fabric.
     #[arg(long, value_name = "SIGMA", allow_negative_numbers = true)]
     pub sigma: Option<f64>,
-    /// Light through gaps goes straight on in place of being diffracted, for comparison.
+    /// Let light through gaps go straight on without diffraction, for comparison.
     #[arg(long)]
     pub straight_gaps: bool,
-    /// Without speckle, which the models that ship have.
+    /// Leave speckle out, which the models that ship have.
     #[arg(long)]
     pub smooth: bool,
-    /// Slits between the fibers of all yarns, this wide [um], 5 at most, in place of those of the spec:
+    /// Width of slits between the fibers of all yarns [um], at most 5, instead of the spec's; slits give the
     /// colors of loose cloth before a small lamp.
     #[arg(long, value_name = "UM", allow_negative_numbers = true)]
     pub slit_um: Option<f64>,
     /// Share of the forward light that goes through these slits [default: 0.25].
     #[arg(long, value_name = "SHARE", allow_negative_numbers = true, requires = "slit_um")]
     pub slit_share: Option<f64>,
-    /// Leave parts of the model out, for comparison: `layers` (yarns of the layer below catch nothing),
-    /// `shadowing` (yarns beside catch nothing), `edges` (light at a ply's edge goes straight on), `slits`
-    /// (those of the spec).
+    /// Leave parts of the model out, for comparison: `layers` (yarns of the layer below block no light),
+    /// `shadowing` (neighboring yarns block no light), `edges` (light at a ply's edge goes straight on),
+    /// `slits` (those of the spec), `far` (the mean over the repeat).
     #[arg(long, value_name = "PART", num_args = 1, value_delimiter = ',', value_enum)]
     pub without: Vec<FabricPart>,
-    /// Stops by which the PNG is brighter.
+    /// Exposure of the PNG in stops; positive is brighter.
     #[arg(long, value_name = "STOPS", default_value_t = 0.0, allow_negative_numbers = true)]
     pub exposure: f64,
     /// Seed of the random numbers.
     #[arg(long, value_name = "N", allow_negative_numbers = true, default_value_t = 1)]
     pub seed: u64,
-    /// Go on with a render that was stopped or had fewer samples.
+    /// Continue a render that was stopped or had fewer samples.
     #[arg(long)]
     pub resume: bool,
     /// Keep the sums, so that --resume can add samples.
@@ -158,11 +158,11 @@ pub struct WeaveArgs {
     /// Folder to write [default: FABRIC's name with .weave, in this folder].
     #[arg(long, short, value_name = "FOLDER")]
     pub output: Option<PathBuf>,
-    /// Pixels from one yarn to the next, in the family that lies closer [default: 32, fewer where a repeat
-    /// would be longer than 4096].
+    /// Pixels from one yarn to the next, in warp or weft, whichever is closer [default: 32, fewer where a
+    /// repeat would be longer than 4096].
     #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = clap::value_parser!(u32).range(1..=4096))]
     pub pixels: Option<u32>,
-    /// Textures of the back in place of the face, in the same coordinates.
+    /// Write textures of the back instead of the face, in the same coordinates.
     #[arg(long)]
     pub back: bool,
 }

@@ -7,9 +7,9 @@ use std::path::PathBuf;
 /// `plywave twin`.
 #[derive(Debug, Args)]
 pub struct TwinArgs {
-    /// Fabric spec. Of its models only the specs of their yarns count.
+    /// Fabric spec. Of its models, only their yarn specs are used.
     pub spec: PathBuf,
-    /// Where the twin goes [default: the spec's name with .pwx].
+    /// Twin to write [default: the spec's name with .pwx].
     #[arg(long, short, value_name = "FILE")]
     pub output: Option<PathBuf>,
     /// Views as TILT or TILT:AZIMUTH [degrees]: the light's tilt from the face's normal, above 90 from the
@@ -20,18 +20,18 @@ pub struct TwinArgs {
     /// Absorption coefficients [1/um]; WARP:WEFT where they differ.
     #[arg(long, value_name = "SIGMA", num_args = 1, value_delimiter = ',', allow_negative_numbers = true, default_value = "0,0.003,0.01", value_parser = sigma)]
     pub sigma: Vec<[f64; 2]>,
-    /// Paths of a view.
+    /// Paths per view.
     #[arg(long, value_name = "N", default_value_t = 500_000, value_parser = clap::value_parser!(u64).range(1..=1_000_000_000_000))]
     pub paths: u64,
     /// Seed of the packing and of the paths.
     #[arg(long, value_name = "N", default_value_t = 1)]
     pub seed: u64,
-    /// Repeats along the weft and along the warp that are traced [default: as few as keep the pitches of
-    /// plies and fibers within 10 %, or further off where memory forbids that].
+    /// Repeats to trace along the weft and along the warp [default: the fewest that keep the pitches of plies
+    /// and fibers within 10 %, or fewer where memory is short].
     #[arg(long, value_name = "NX,NY", num_args = 1, value_parser = repeats)]
     pub repeats: Option<[u32; 2]>,
-    /// Points around a round fiber; outlines with dents have more [default: 24]. Rings along the fibers
-    /// become as much closer.
+    /// Points around a round fiber; outlines with dents have more [default: 24]. The rings along
+    /// the fibers become closer in proportion.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(8..=512))]
     pub points: Option<u32>,
     /// What to do with shards of an earlier run.

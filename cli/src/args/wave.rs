@@ -113,7 +113,7 @@ pub struct WaveTabulateArgs {
     /// Fiber table to write [default: SPEC's name with .pwf, in this folder].
     #[arg(long, short, value_name = "FIBER")]
     pub output: Option<PathBuf>,
-    /// By rays in place of waves.
+    /// Trace rays instead of solving waves.
     #[arg(long)]
     pub rays: bool,
     /// Quality; standard has the sizes of Xia 2020.
@@ -137,7 +137,7 @@ pub struct WaveTabulateArgs {
     /// Latitudes theta_i, instead of the preset's.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=900))]
     pub thetas: Option<u32>,
-    /// Most azimuths phi_i round the fiber, instead of the preset's.
+    /// Largest number of azimuths phi_i around the fiber, instead of the preset's.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=3600))]
     pub azimuths: Option<u32>,
     /// Rays of each incidence, instead of the preset's.
@@ -151,7 +151,7 @@ pub struct WaveTabulateArgs {
 /// `plywave wave scatter`.
 #[derive(Debug, Args)]
 pub struct WaveScatterArgs {
-    /// Scene (TOML), as docs/reference/format/wave.md tells.
+    /// Scene (TOML), as docs/reference/format/wave.md describes.
     pub scene: PathBuf,
     /// JSON file to write [default: SCENE's name with .json, in this folder].
     #[arg(long, short, value_name = "OUT")]
@@ -186,7 +186,7 @@ pub enum PolarizationArg {
 pub struct NoiseArgs {
     /// Patterns of the model's fiber (`plywave wave speckle`), clear and absorbing.
     pub patterns: PathBuf,
-    /// Model to give noise to; without one the statistics are told and nothing is written.
+    /// Model to add noise to; without it, the statistics are printed and nothing is written.
     #[arg(long, short, value_name = "MODEL")]
     pub model: Option<PathBuf>,
     /// Model to write [default: MODEL's name with -noise.pwm, in this folder].
@@ -198,7 +198,7 @@ pub struct NoiseArgs {
     /// Contrast of the noise.
     #[arg(long, value_enum, default_value_t = NoiseContrastArg::Measured)]
     pub contrast: NoiseContrastArg,
-    /// Light of which polarization.
+    /// Polarization of the light.
     #[arg(long, value_enum, default_value_t = PolarizationArg::Unpolarized)]
     pub polarization: PolarizationArg,
     /// Fibers in view at once, whose patterns add up.

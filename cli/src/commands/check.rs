@@ -68,7 +68,7 @@ fn part_lines(lines: &mut Vec<Line>, names: [&'static str; 5], part: &PartReport
         value: s.chi2_p,
         allowed: part.chi2_threshold,
         passed: s.chi2_p >= part.chi2_threshold,
-        meaning: "least p-value; must not be below: 1 % chance of a false alarm, all chi-square tests together",
+        meaning: "least p-value, must be above: 1 % chance of a false alarm, all chi-square tests together",
     });
     lines.push(Line::at_most(names[4], "|all light - 1| at sigma = 0", part.kept_error, KEPT_TOLERANCE));
 }
@@ -153,7 +153,7 @@ pub fn run(cli: &Cli, args: &CheckArgs) -> Outcome {
             value: report.chi2_p(),
             allowed: report.chi2_threshold,
             passed: report.chi2_p() >= report.chi2_threshold,
-            meaning: "least p-value; must not be below: 1 % chance of a false alarm, all chi-square tests together",
+            meaning: "least p-value, must be above: 1 % chance of a false alarm, all chi-square tests together",
         },
         Line::at_most(
             "stored_values",
@@ -187,10 +187,10 @@ pub fn run(cli: &Cli, args: &CheckArgs) -> Outcome {
     let (columns, sigmas) = (data.h_um.len(), data.sigma_per_um.len());
     // Noise can hide every slice: then nothing is known, and nothing passes.
     let quality = FitQuality::of_errors(data, &error_refl, &error_high);
-    let meaning = "largest relative L2 of a slice, noise removed, in proportion where next to nothing is met";
+    let meaning =
+        "largest relative L2 of a slice, noise removed; scaled down where less than 2 % of the beam hits fibers";
     lines.push(Line::at_most("fit_error_refl", meaning, quality.refl, args.max_error_refl));
-    // A slice that absorption has nearly put out may miss much of what is left: errors count by the light
-    // that the slice holds.
+    // An absorbing slice may have a large relative error of little light: errors count by the slice's light.
     let meaning = "the same, as a share of the slice's light at sigma = 0";
     lines.push(Line::at_most("fit_error_high", meaning, quality.high, args.max_error_high));
     for (check, value, allowed, meaning) in traced.iter().flat_map(check_traced::TracedCheck::lines) {

@@ -44,7 +44,7 @@ pub fn run(cli: &Cli, args: &CheckArgs) -> Outcome {
     let twin = ClothTwin::load(path)?;
     let refuse = |e| super::runs::failure(e, path);
     if let Some(what) = TwinCloth::parse(&twin.spec_text).map_err(refuse)?.difference(&loaded) {
-        let hint = format!("{} is of another; trace it again with `plywave twin`", path.display());
+        let hint = format!("{} is of another cloth; trace it again with `plywave twin`", path.display());
         return Err(Failure::input(args.model.display(), what, "not the twin's", &hint));
     }
     let fabric = FabricModel::new(loaded, &FabricOptions::RAYS)?;
@@ -68,12 +68,7 @@ pub fn run(cli: &Cli, args: &CheckArgs) -> Outcome {
         }))
     } else {
         output::print(|out| {
-            writeln!(
-                out,
-                "{} beside {}, twin / model; * beyond what is allowed",
-                args.model.display(),
-                path.display()
-            )?;
+            writeln!(out, "{} beside {}, twin / model; * beyond the limit", args.model.display(), path.display())?;
             writeln!(
                 out,
                 "  {:>5} {:>7} {:>11}  {:>15}  {:>15}  {:>15}  {:>8} {:>8}",

@@ -82,7 +82,7 @@ pub fn run(cli: &Cli, args: &ColorArgs) -> Outcome {
             "{}: albedo from {:.4} to {:.4}, incidence {}",
             r.model, r.albedo_range[0], r.albedo_range[1], r.incidence
         )?;
-        writeln!(out, "  sRGB asked for    {}", color(&r.srgb_asked))?;
+        writeln!(out, "  sRGB target       {}", color(&r.srgb_asked))?;
         writeln!(out, "  sRGB of the model {} (Delta E {:.3})", color(&r.srgb), r.delta_e)?;
         for note in out_of_reach([clear, dark], r.albedo_range, r.delta_e) {
             writeln!(out, "  {note}")?;
@@ -96,7 +96,7 @@ pub fn run(cli: &Cli, args: &ColorArgs) -> Outcome {
     })
 }
 
-/// The albedo over absorption that is asked for, and of which light.
+/// The albedo over absorption for the light that the flags select, and the name of that light.
 fn curve(cli: &Cli, args: &ColorArgs) -> Outcome<(AlbedoCurve, String)> {
     if kinds::kind_of(&args.model) == Some(Kind::Fabric) {
         if let Some(theta) = args.theta_i {
@@ -104,7 +104,7 @@ fn curve(cli: &Cli, args: &ColorArgs) -> Outcome<(AlbedoCurve, String)> {
                 "command line",
                 "--theta-i",
                 theta,
-                "is of a model; for a fabric use --color-of",
+                "is for models; give --color-of for a fabric",
             ));
         }
         let loaded = FabricSpec::load_file(&args.model, &cli.library()?)?;
@@ -115,7 +115,8 @@ fn curve(cli: &Cli, args: &ColorArgs) -> Outcome<(AlbedoCurve, String)> {
     }
     let model = cli.library()?.load(&args.model)?;
     if let Some(of) = args.color_of {
-        return Err(Failure::input("command line", "--color-of", ColorOf::from(of).name(), "is of a fabric spec"));
+        let hint = "is for fabric specs; leave it out";
+        return Err(Failure::input("command line", "--color-of", ColorOf::from(of).name(), hint));
     }
     match args.theta_i {
         Some(theta) => {
@@ -144,7 +145,7 @@ pub fn out_of_reach([clear, dark]: [usize; 2], [low, high]: [f64; 2], delta_e: f
     notes
 }
 
-/// The same of the colors of a fabric: of each that comes out visibly other than it was asked for.
+/// The same for each color of a fabric that differs visibly from its target.
 pub fn fabric_notes(fabric: &FabricModel) -> Vec<String> {
     let mut notes = Vec::new();
     for color in fabric.colors().iter().filter(|color| color.delta_e > SEEN) {

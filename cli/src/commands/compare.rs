@@ -77,7 +77,7 @@ pub fn within(flag: &str, values: &[f64], (min, max): (f64, f64), unit: &str) ->
 fn options(args: &CompareArgs, spec: &YarnSpec) -> Outcome<CompareOptions> {
     within("--lambda", &args.lambda, (0.1, 20.0), " um")?;
     let reach = 1.0 + spec.beam.beam().d_cut_um / spec.ply_radii_um()[0];
-    within("--h", &args.h, (-reach, reach), ", where the beam still meets the ply")?;
+    within("--h", &args.h, (-reach, reach), ", where the beam still hits the ply")?;
     latitude("--theta-i", args.theta_i)?;
     within("--theta-i", &[args.theta_i], (-80.0, 80.0), " degrees")?;
     within("--sigma", &[args.sigma], (0.0, 100.0), ", in 1/um")?;

@@ -80,7 +80,7 @@ fn distances(places: &[[GridCell; 2]], lobes: &dyn Fn(usize, GridCell) -> Scaled
 /// Runs the command for models whose axes differ.
 pub fn run(cli: &Cli, args: &DiffArgs, [a, b]: [&PlyData; 2], tolerance: &DiffTolerance) -> Outcome {
     if args.tol_drift.is_some() {
-        let hint = "the models have other incidences or absorptions, so no lobe has its own partner; leave it out";
+        let hint = "lobes of models with different incidences or absorptions have no pairs; leave it out";
         return Err(Failure::Input(format!("command line: --tol-drift: {hint}")));
     }
     let both = [a, b];

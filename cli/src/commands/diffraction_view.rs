@@ -17,7 +17,7 @@ use plywave::ply::EdgeLobes;
 use plywave::spec::{GaussianBeam, YarnSpec};
 use plywave_fit::{EdgeOptions, fit_edge};
 
-/// Width and height [um] of the gaps shown when none is asked for.
+/// Width and height [um] of the gaps shown without --gap.
 const GAPS_UM: [[f32; 2]; 4] = [[2.0, 2.0], [5.0, 20.0], [10.0, 10.0], [40.0, 40.0]];
 /// Wavelengths [um] at which the energy is printed.
 const ENERGY_UM: [f32; 3] = [0.45, 0.55, 0.65];
@@ -46,7 +46,7 @@ fn apertures(numbers: &[f64]) -> Outcome<Vec<Aperture>> {
         [w, h] => Ok(vec![centered([w, h], [0.0; 2])?]),
         [w, h, x, y] => Ok(vec![centered([w, h], [x, y])?]),
         _ => {
-            let hint = "give width and height [um], and if you like the center's x and y";
+            let hint = "give width and height [um], and optionally the center's x and y";
             Err(Failure::input("command line", "--gap", format!("{} numbers", numbers.len()), hint))
         }
     }

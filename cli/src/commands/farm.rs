@@ -59,13 +59,13 @@ fn check_package(python: &OsString) -> Outcome {
     let theirs = String::from_utf8_lossy(&found.stdout).trim().to_string();
     let ours = env!("CARGO_PKG_VERSION");
     if theirs != ours {
-        let hint = "install both of one version";
+        let hint = "install the same version of both";
         return Err(Failure::Input(format!("{}: plywave {theirs}, this program is {ours}; {hint}", python.display())));
     }
     Ok(())
 }
 
 fn missing(python: &OsString, why: &str) -> Failure {
-    let hint = "the farm needs Python with `pip install \"./python[cluster]\"` of the repository; the variable PYTHON chooses it";
+    let hint = "run `pip install \"./python[cluster]\"` in the repository; the variable PYTHON selects another Python";
     Failure::Input(format!("{}: {why}; {hint}", python.display()))
 }

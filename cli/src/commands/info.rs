@@ -67,13 +67,13 @@ impl NodeEnergies {
     }
 }
 
-/// Offsets over R at which the chance to meet a fiber is told.
+/// Offsets over R at which the chance to hit a fiber is printed.
 const MET_AT: [f64; 8] = [0.0, 0.25, 0.5, 0.7, 0.8, 0.9, 0.95, 1.0];
 /// Plies of a spec that are packed for it, and turns of each.
 const MET_PLIES: u64 = 16;
 const MET_TURNS: usize = 360;
 
-/// Chance to meet a fiber over h/R at normal incidence: of a line, or of a model's beam, which blurs it.
+/// Chance to hit a fiber over h/R at normal incidence: of a line, or of a model's beam, which blurs it.
 #[derive(serde::Serialize)]
 struct HitChance {
     h_rel: Vec<f64>,
@@ -116,12 +116,12 @@ impl HitChance {
 
     fn text(&self, out: &mut dyn Write) -> std::io::Result<()> {
         let list = |values: &[f64]| values.iter().map(|v| format!("{v:>6.3}")).collect::<Vec<_>>().join(" ");
-        writeln!(out, "  meets        h/R {}", list(&self.h_rel))?;
-        writeln!(out, "               {}  of the {}s at h meet a fiber", list(&self.chance), self.of)
+        writeln!(out, "  hits         h/R {}", list(&self.h_rel))?;
+        writeln!(out, "               {}  of the {}s at h hit a fiber", list(&self.chance), self.of)
     }
 }
 
-/// A yarn spec: its yarn, how full its ply is, and the chance to meet a fiber.
+/// A yarn spec: its yarn, how full its ply is, and the chance to hit a fiber.
 fn spec(cli: &Cli, path: &Path) -> Outcome {
     let (spec, _) = YarnSpec::load(path)?;
     let file = path.display().to_string();

@@ -106,7 +106,7 @@ pub fn incidence(args: &IncidenceArgs, data: &plywave::ply::PlyData, radius_um: 
     let reach = data.h_um.last().copied().unwrap_or(0.0) / radius_um;
     latitude("--theta-i", args.theta_i)?;
     if !(0.0..=reach).contains(&args.h_rel.abs()) {
-        let hint = format!("must be from -{0} to {0}, where the beam still meets the ply", number(reach));
+        let hint = format!("must be from -{0} to {0}, where the beam still hits the ply", number(reach));
         return Err(Failure::input("command line", "--h-rel", args.h_rel, &hint));
     }
     absorptions(&args.sigma)?;
@@ -131,13 +131,13 @@ pub fn absorptions(sigma: &[f64]) -> Outcome {
     }
 }
 
-/// Runs `work` on the number of threads that was asked for.
+/// Runs `work` on the number of threads that --threads gives.
 pub fn on_threads<T: Send>(cli: &Cli, work: impl FnOnce() -> T + Send) -> Outcome<T> {
     match cli.threads {
         None => Ok(work()),
         Some(n) => match rayon::ThreadPoolBuilder::new().num_threads(n as usize).build() {
             Ok(pool) => Ok(pool.install(work)),
-            Err(error) => Err(Failure::input("command line", "--threads", n, &format!("{error}; ask for fewer"))),
+            Err(error) => Err(Failure::input("command line", "--threads", n, &format!("{error}; give fewer"))),
         },
     }
 }

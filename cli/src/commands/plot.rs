@@ -475,7 +475,7 @@ pub fn run(cli: &Cli, args: &PlotArgs) -> Outcome {
     }
     let reach = source.axes().1.last().copied().unwrap_or(0.0) / source.yarn.radius_um;
     if let Some(h) = args.h_rel.filter(|h| !(0.0..=reach * (1.0 + 1e-9)).contains(&h.abs())) {
-        let hint = format!("must be from -{0} to {0}, where the beam still meets the ply", number(reach));
+        let hint = format!("must be from -{0} to {0}, where the beam still hits the ply", number(reach));
         return Err(Failure::input("command line", "--h-rel", h, &hint));
     }
     let sigmas: Vec<f64> = args.sigma.iter().map(|s| source.sigma(*s)).collect();

@@ -99,7 +99,7 @@ fn mesh_notes(file: &Path, notes: &MeshNotes) -> Vec<String> {
     for (faces, done, what) in [
         (notes.equal, "left out", "equal to another"),
         (notes.flat, "left out", "without area in single precision"),
-        (notes.crossed, "cut as well as it goes", "crossing itself"),
+        (notes.crossed, "triangulated as far as possible", "crossing itself"),
     ] {
         if faces.count > 0 {
             let (counted, first) = (report::counted(faces.count as u64, "face", "faces"), faces.first);
@@ -186,7 +186,7 @@ pub fn run(cli: &Cli, args: &RenderArgs) -> Outcome {
     }
     if far && has_slits {
         notes.push(
-            "with slits, pixels that cover repeats show points of them, not their mean, which has no slits".into(),
+            "with slits, pixels that cover repeats show points of them instead of the mean, which has no slits".into(),
         );
     }
     // What is quickly refused comes before what takes seconds.

@@ -32,7 +32,7 @@ const FILES: [&str; 12] = [
 ];
 /// Most pixels of a texture.
 const MAX_PIXELS: f64 = (1u64 << 24) as f64;
-/// Longest side of a texture whose size nobody asked for.
+/// Longest side of a texture without --pixels.
 const USUAL_SIDE: f64 = 4096.0;
 /// Pixels to the narrower spacing, where that makes no side longer.
 const USUAL_PIXELS: f64 = 32.0;
@@ -100,7 +100,7 @@ fn size(args: &WeaveArgs, fabric: &Fabric) -> Outcome<[u32; 2]> {
         let most = (MAX_PIXELS / (cells[0] * cells[1])).sqrt().floor();
         let hint = match most {
             most if most >= 1.0 => format!("one repeat would take {w} x {h} pixels; use {most} or less"),
-            _ => "one repeat of this draft is too large for textures; ask the fabric on the fly".into(),
+            _ => "one repeat of this draft is too large for textures; evaluate the fabric model instead".into(),
         };
         return Err(Failure::input("command line", "--pixels", pixels, &hint));
     }

@@ -1,7 +1,7 @@
-//! A figure: shapes on a white page, written as an SVG document or as pixels. Every shape is a path, filled or
-//! stroked, so that both outputs draw the same outlines. Texts are the outlines of their letters in the font
-//! that is compiled in, each with its words as `aria-label`: a figure looks the same in every viewer, whatever
-//! fonts it finds. Images lie below all shapes.
+//! A figure: shapes on a white page, written as an SVG document or as pixels. Every shape is a path, filled
+//! or stroked, so that both outputs draw the same outlines. Texts are the outlines of their letters in the
+//! font that is compiled in, each with its words as `aria-label`: a figure looks the same in every viewer,
+//! whatever fonts it finds. Images lie below all shapes.
 
 use super::color::Rgb;
 use super::path::{Path, Transform};

@@ -70,7 +70,7 @@ fn the_ending_decides() {
     assert!(starts_with(&dir.join("b.PNG"), PNG) && starts_with(&dir.join("b.exr"), EXR));
     succeed(dir, &[&["render", "cloth.toml", "-o", "c.png", "--no-exr", "--smooth"], SMALL].concat());
     assert!(starts_with(&dir.join("c.png"), PNG) && !dir.join("c.exr").exists());
-    // The same bits, whichever file is asked for.
+    // The same bits in whichever file.
     assert!(std::fs::read(dir.join("sky.exr")).unwrap() == std::fs::read(dir.join("b.exr")).unwrap());
     for name in ["x.jpg", "x.tiff", "x"] {
         refused(dir, &[&["render", "cloth.toml", "-o", name], SMALL].concat(), &[name, "-o", ".png", ".exr"]);
@@ -208,7 +208,7 @@ fn meshes_tell_what_was_done_to_them() {
     );
 }
 
-/// Models that ship have speckle; one without is told, once, where speckle is asked for.
+/// Models that ship have speckle; a render with speckle names each model without it once.
 #[test]
 #[ignore = "slow: 5 s: models without speckle are told"]
 fn models_without_speckle_are_told() {

@@ -118,7 +118,7 @@ fn finished_shards_are_kept_until_somebody_says() {
     assert_eq!(names(&parts), ["diary.txt"]);
     succeed(dir, &[RUN, &["-o", "b.pwm", "--keep-table"]].concat());
     assert_eq!((bytes(dir, "a.pwt"), bytes(dir, "a.pwm")), (bytes(dir, "b.pwt"), bytes(dir, "b.pwm")));
-    // Started over where that was asked for.
+    // Started over with --fresh.
     let child = start(dir, "c.pwm");
     assert!(Command::new("kill").args(["-TERM", &child.id().to_string()]).status().unwrap().success());
     child.wait_with_output().unwrap();

@@ -142,7 +142,7 @@ const THIN: &str = "lambda_um = [1.0]\ntheta_i_deg = [0, 35, -60]\nphi_i_deg = [
 /// both polarizations at any incidence.
 #[test]
 fn thin_fibers_radiate_as_dipoles() {
-    // k a = 0.003; what is left out is of relative order (k a)^2 ln(k a), times a few for the index.
+    // k a = 0.003; the neglected terms are of relative order (k a)^2 ln(k a), times a few for the index.
     let a = 0.003 / (2.0 * PI);
     let area = PI * a * a;
     let eps = C64::new(1.5, 0.2).powi(2);

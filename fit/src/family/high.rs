@@ -29,7 +29,7 @@ impl Block {
     }
 }
 
-/// Blocks in the order of a model.
+/// Fits the blocks, in the order of a model.
 pub(super) fn fit(work: &Work<'_>, done: &(dyn Fn(usize, usize) + Sync)) -> Vec<Block> {
     let first = work.all[0];
     let (rows, columns) = ((first.theta_i.len() - 1) / 2, (first.h_um.len() - 1) / 2);
@@ -50,7 +50,7 @@ fn fit_block(work: &Work<'_>, (bm, bn): (usize, usize), block: usize, spectra: &
     let (nodes, lobes) = (work.tables.nodes.len(), options.lobes_high);
     let size = CORNERS * lobes * PARAMS;
     let first = work.all[0];
-    // Of every table nine slices, their corners those of one node.
+    // Nine slices of each node's table, with the corners of that node.
     let own: Vec<Vec<Target>> =
         work.all.iter().map(|table| block_targets(sphere, table, bm, bn, LobeKind::Round)).collect();
 
@@ -68,7 +68,7 @@ fn fit_block(work: &Work<'_>, (bm, bn): (usize, usize), block: usize, spectra: &
     let scale = own.iter().flatten().map(|t| t.energy).fold(0.0, f64::max);
     params.chunks_exact_mut(size).for_each(|node| common_scale(node, CORNERS as f64 * scale));
 
-    // All together, with the middles.
+    // All nodes together, with the middles.
     let all: Vec<Vec<Target>> = own
         .into_iter()
         .enumerate()
@@ -128,8 +128,8 @@ fn fit_block(work: &Work<'_>, (bm, bn): (usize, usize), block: usize, spectra: &
     Block { params, paths, nodes }
 }
 
-/// Lobe energies of a node with this sum over corners and lobes: a common factor of a node is free in its own
-/// fit, and would weigh it against others between nodes.
+/// Scales a node's lobe energies to this sum over corners and lobes. The common factor is free in the node's
+/// own fit, but would weight the node against others in interpolations.
 fn common_scale(params: &mut [f64], to: f64) {
     let sum: f64 = params.chunks_exact(PARAMS).map(|p| p[5]).sum();
     if sum > 0.0 {

@@ -1,5 +1,5 @@
-//! Reflection lobes of a family. At the middle node as in a model; at others from a neighbor's; then of all
-//! nodes together, incidence by incidence.
+//! Reflection lobes of a family. The middle node is fitted as in a model, the others from a neighbor's lobes,
+//! then all nodes together, incidence by incidence.
 
 use super::Work;
 use crate::lobes::block::{Target, joint_cost};
@@ -15,7 +15,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 /// Rounds over the incidences of a node that starts from a neighbor's lobes.
 const ROUNDS: usize = 2;
 
-/// `[node][M][H][lobes][6]`, energies as shares that add up to 1.
+/// Fits lobes `[node][M][H][lobes][6]`, with energies as shares that add up to 1.
 pub(super) fn fit(work: &Work<'_>, done: &(dyn Fn(usize, usize) + Sync)) -> Vec<Vec<f64>> {
     let (sphere, effort, lobes) = (work.sphere, &work.options.reflection, work.options.lobes_refl);
     let first = work.all[0];
@@ -88,7 +88,8 @@ fn round(
     }
 }
 
-/// Sets of one incidence: the errors of its slices, and the pull of each set to what its neighbors say.
+/// Fits the sets of one incidence. The cost has the errors of its slices and the pull of each set to its
+/// prior from the neighbors.
 fn fit_sets(work: &Work<'_>, targets: &[Target], start: &[f64], pull: &[f64]) -> Vec<f64> {
     let (effort, lobes) = (&work.options.reflection, work.options.lobes_refl);
     let (mut lower, mut upper) = (Vec::new(), Vec::new());
@@ -106,7 +107,7 @@ fn fit_sets(work: &Work<'_>, targets: &[Target], start: &[f64], pull: &[f64]) ->
             cost += s * (x - p) * (x - p);
             *g += 2.0 * s * (x - p);
         }
-        // The energies of a set are shares: their sum is free in the errors and held at 1 here.
+        // The energies of a set are shares: their sum is free in the errors and fixed at 1 here.
         for (x, g) in x.chunks_exact(size).zip(g.chunks_exact_mut(size)) {
             let excess = x.chunks_exact(PARAMS).map(|p| p[5]).sum::<f64>() - 1.0;
             g.chunks_exact_mut(PARAMS).for_each(|g| g[5] += 0.2 * excess);

@@ -2,15 +2,14 @@
 //! lobe's weight.
 //!
 //! f_high is the Laplace transform in sigma of the distribution of path lengths inside the fibers; a spectrum
-//! on a few path lengths shared by the model is monotone in sigma and holds between and beyond the simulated
+//! on a few path lengths shared by the model is monotone in sigma and valid between and beyond the simulated
 //! coefficients.
 
 use crate::optimize::minimize::{MinimizeOptions, minimize_bounded};
 use crate::optimize::nnls::nnls;
 use nalgebra::{DMatrix, DVector};
 
-/// Longest path [um], 900 m: what absorbs less than over this absorbs nothing, and a model holds no longer
-/// ones.
+/// Longest path [um] of a model, 900 m: weaker absorption counts as none.
 const LONGEST_UM: f64 = 9e8;
 /// Number of path lengths of a model with absorption.
 pub const PATHS: usize = 8;
@@ -27,8 +26,7 @@ pub fn energy_spectrum(energy: &[f64], sigma: &[f64], path: &[f64]) -> (Vec<f64>
     if top <= 0.0 {
         return (vec![0.0; path.len()], 0.0);
     }
-    // The first row (sigma = 0) is the sum of P: weighted so that it nearly holds, then made exact by
-    // scaling.
+    // The first row (sigma = 0) is the sum of P: a large weight fits it closely, and scaling makes it exact.
     let t = attenuation(sigma, path);
     let weight = |k: usize| if k == 0 { 1e3 } else { 1.0 };
     let a = DMatrix::from_fn(sigma.len(), path.len(), |k, j| weight(k) * t[k * path.len() + j]);
@@ -52,12 +50,12 @@ pub fn energy_spectrum(energy: &[f64], sigma: &[f64], path: &[f64]) -> (Vec<f64>
 
 /// Largest error of energies, relative to those at sigma = 0, with which [`PATHS`] lengths are enough.
 const ENOUGH: f64 = 1e-3;
-/// Numbers of lengths that are tried then: reflections of opaque fibers are steps of one length, which the
-/// eight cannot tell apart.
+/// Numbers of lengths that are tried next: reflections of opaque fibers are steps of one length, which eight
+/// lengths cannot resolve.
 const MORE_PATHS: [usize; 2] = [12, 16];
 
-/// Path lengths that fit `energies[node][K]` best: log-spaced, with or without a zero, the least of the
-/// largest errors over the nodes.
+/// Path lengths that fit `energies[node][K]` best: log-spaced, with or without a zero, with the least maximal
+/// error over the nodes.
 pub fn choose_paths(energies: &[Vec<f64>], sigma: &[f64]) -> Vec<f64> {
     let mut best = choose_among(energies, sigma, PATHS);
     for count in MORE_PATHS {
@@ -69,7 +67,7 @@ pub fn choose_paths(energies: &[Vec<f64>], sigma: &[f64]) -> Vec<f64> {
     best.1
 }
 
-/// So many lengths, and their error.
+/// The best `lengths` path lengths, and their error.
 fn choose_among(energies: &[Vec<f64>], sigma: &[f64], lengths: usize) -> (f64, Vec<f64>) {
     let positive: Vec<f64> = sigma.iter().copied().filter(|s| *s > 0.0).collect();
     let (Some(&least), Some(&most)) = (positive.first(), positive.last()) else { return (0.0, vec![0.0]) };
@@ -95,7 +93,7 @@ fn choose_among(energies: &[Vec<f64>], sigma: &[f64], lengths: usize) -> (f64, V
     best
 }
 
-/// What a block's slices say about its lobes' absorption: everything is in inner products on the sphere.
+/// Inner products on the sphere of a slice and lobes: all that the fit of the lobes' absorption needs.
 #[derive(Clone, Debug)]
 pub(crate) struct SliceProducts {
     /// Lobe energies at this slice, `[L]`.
@@ -106,7 +104,7 @@ pub(crate) struct SliceProducts {
     pub cross: Vec<f64>,
     /// `<t_k, t_k>`, `[K]`.
     pub norm2: Vec<f64>,
-    /// Energy the evaluator scales to, `[K]`.
+    /// Energy that the evaluator scales to, `[K]`.
     pub target_energy: Vec<f64>,
     /// Weight in the sum of squares, `[K]`.
     pub weight: Vec<f64>,
@@ -114,9 +112,8 @@ pub(crate) struct SliceProducts {
     pub corners: Vec<(usize, f64)>,
 }
 
-/// Spectra `[sets][L][J]`, each of sum 1, that bring the energy-scaled mixtures closest to the slices at all
-/// sigma.
-/// `start` is the spectrum `[J]` every lobe starts from.
+/// Fits spectra `[sets][L][J]`, each of sum 1, of the energy-scaled mixtures to the slices at all sigma.
+/// Every lobe starts from the spectrum `start`, `[J]`.
 pub(crate) fn fit_lobe_spectra(
     slices: &[SliceProducts],
     sets: usize,
@@ -144,8 +141,8 @@ pub(crate) fn normalized(x: &[f64]) -> Vec<f64> {
     if sum > 1e-9 { x.iter().map(|v| v / sum).collect() } else { vec![1.0 / x.len() as f64; x.len()] }
 }
 
-/// A lobe without energy has no data: this pull toward the block's own spectrum decides it and is too weak to
-/// move others.
+/// Pull toward the block's spectrum. It determines lobes without energy, which have no data, and is too weak
+/// to move others.
 const PULL: f64 = 1e-5;
 
 fn spectra_cost(

@@ -1,8 +1,8 @@
-//! High-order lobes in blocks (Yu 2025, Eq. 6-7): nine slices, the lobes of four free corners, the other five
-//! averages of them.
+//! High-order lobes in blocks of nine slices (Yu 2025, Eq. 6-7): the lobes of the four corners are free, the
+//! other five are averages of them.
 //!
 //! Inside the objective, the model of a slice is scaled to the slice's energy as the evaluator scales it. So
-//! the objective is the error of the values that will be evaluated.
+//! the objective is the error of evaluated values.
 
 use crate::lobes::cone::{self, SliceLobes, ring_lobes, rings};
 use crate::lobes::init::kmeans_lobes;
@@ -29,13 +29,13 @@ pub(crate) struct Target {
     pub weight: f64,
     /// Weights of the free parameter sets in this slice's parameters.
     pub corners: Vec<(usize, f64)>,
-    /// Which lobes it is fitted with.
+    /// Lobes of the fit.
     pub lobes: SliceLobes,
 }
 
 impl Target {
-    /// `weight` makes a perfect fit's noise count equally: 1 / norm^2, lowered by the share of noise in the
-    /// norm.
+    /// A target whose `weight` counts the noise of a perfect fit equally: 1 / norm^2, lowered by the share of
+    /// noise in the norm.
     pub fn new(sphere: &SphereGrid, values: &[f32], energy: f64, noise: f64, corners: Vec<(usize, f64)>) -> Self {
         let slice = sphere.pad(values, 1.0);
         let norm2 = sphere.inner(&slice, &slice);
@@ -64,7 +64,7 @@ impl Target {
     }
 }
 
-/// The grid halved in each direction, if it can be and stays useful.
+/// The grid halved in each direction, if possible and useful.
 pub(crate) fn coarse_grid(sphere: &SphereGrid) -> Option<SphereGrid> {
     let g = sphere.grid();
     let even = g.theta_o.is_multiple_of(2) && g.phi_o.is_multiple_of(2);
@@ -93,7 +93,7 @@ pub(crate) fn joint_cost(
         cost +=
             target.weight * sphere.cost_gradient_of(target.lobes, &target.slice, &params, gain, &mut local, scratch);
         if sum > 1e-12 {
-            // gain = energy / sum of lobe energies: moving one energy changes all the others' share.
+            // gain = energy / sum of lobe energies: a change of one energy changes the share of all others.
             let mean =
                 params.chunks_exact(PARAMS).zip(local.chunks_exact(PARAMS)).map(|(p, d)| p[5] * d[5]).sum::<f64>()
                     / sum;
@@ -138,8 +138,7 @@ pub struct BlockEffort {
     pub starts: usize,
     /// Iterations of each start.
     pub start_iterations: usize,
-    /// Tries to move a little used lobe to where the best start misses light, each refitted on the coarse
-    /// grid.
+    /// Tries to move a little used lobe to missing light of the best start, each refitted on the coarse grid.
     pub moves: usize,
     /// Iterations of each such refit.
     pub move_iterations: usize,
@@ -259,12 +258,12 @@ pub(crate) fn fit_joint(
     BlockFit { params, cost: fit.cost, evaluations }
 }
 
-/// Height of a row [rad].
+/// Height of a grid row [rad].
 fn row(sphere: &SphereGrid) -> f64 {
     PI / sphere.grid().theta_o as f64
 }
 
-/// Rings of the light of targets, each of energy 1.
+/// Mean rings of the targets' light, each target of energy 1.
 fn mean_rings(sphere: &SphereGrid, targets: &[Target]) -> Vec<[f64; 3]> {
     let mut sum = vec![[0.0; 3]; sphere.grid().phi_o];
     for target in targets.iter().filter(|t| t.weight > 0.0) {
@@ -282,7 +281,7 @@ fn add_rings(sum: &mut [[f64; 3]], sphere: &SphereGrid, slice: &PaddedSlice, lob
     }
 }
 
-/// Factor that brings the free common scale of the lobe energies to the table's unit, no lobe above 1.
+/// Factor that brings the free common scale of the lobe energies to the table's unit, with no lobe above 1.
 fn energy_factor(targets: &[Target], x: &[f64], sets: usize, lobes: usize) -> f64 {
     let mut params = vec![0.0; lobes * PARAMS];
     let (mut want, mut have) = (0.0, 0.0);
@@ -298,8 +297,8 @@ fn energy_factor(targets: &[Target], x: &[f64], sets: usize, lobes: usize) -> f6
 /// Clusters among which the missing light is divided.
 const MISSING: usize = 6;
 
-/// `x` with one of its least used lobes put where the mixture misses light. `round` picks which lobe and
-/// which place.
+/// `x` with one of its least used lobes moved to light that the mixture misses. `round` picks the lobe and
+/// the cluster.
 fn relocate(sphere: &SphereGrid, targets: &[Target], x: &[f64], lobes: usize, round: usize) -> Vec<f64> {
     let size = lobes * PARAMS;
     let mut scratch = Scratch::default();
@@ -350,9 +349,9 @@ fn relocate(sphere: &SphereGrid, targets: &[Target], x: &[f64], lobes: usize, ro
 
 /// Starting energy of parameter set `set`: the fourth root of its own slice's energy (the corner's; else the
 /// mean of all) in units of `scale`. Where the beam leaves the ply the energies of the corners differ a
-/// thousandfold, and with the energies themselves the dim corner would have no say in the slices between and
-/// hardly any gradient: measured at the rim blocks of polyester, errors of 0.45 with the first power, 0.07
-/// with the half and the quarter. Only ratios between corners count.
+/// thousandfold, and with the energies themselves the dim corner would have no effect on the slices between
+/// and hardly any gradient. At the rim blocks of polyester, measured errors are 0.45 with the first power,
+/// 0.07 with the square root and the fourth root. Only ratios between corners count.
 fn set_energy(targets: &[Target], set: usize, scale: f64) -> f64 {
     let own = targets.iter().find(|t| t.corners == [(set, 1.0)]).map(|t| t.energy);
     let energy = own.unwrap_or_else(|| targets.iter().map(|t| t.energy).sum::<f64>() / targets.len() as f64);

@@ -11,7 +11,7 @@ pub fn canonical(lobe: Lobe) -> Lobe {
     let wrapped = (l.theta_z + PI).rem_euclid(TAU) - PI;
     l.theta_z = wrapped;
     if wrapped.abs() > FRAC_PI_2 {
-        // Over the pole: the axis at pi - theta from the other side, where the unturned frame is turned by
+        // Over the pole, the axis is at pi - theta on the other side, where the unturned frame is turned by
         // pi.
         l.theta_z = PI.copysign(wrapped) - wrapped;
         l.phi_z += PI;
@@ -32,8 +32,8 @@ pub fn canonical_order(lobes: &[Lobe]) -> Vec<Lobe> {
     out
 }
 
-/// The representation of `lobe` nearest to `reference`: turns of phi_z by 2 pi, of phi_xy by pi, and the swap
-/// of mu1, mu2.
+/// The representation of `lobe` nearest to `reference`, among turns of phi_z by 2 pi and of phi_xy by pi, and
+/// the swap of mu1, mu2.
 pub fn nearest_representation(lobe: Lobe, reference: Lobe) -> Lobe {
     let near = |x: f64, to: f64, period: f64| x + period * ((to - x) / period).round();
     let turn = |mut l: Lobe| {
@@ -51,9 +51,9 @@ pub fn nearest_representation(lobe: Lobe, reference: Lobe) -> Lobe {
     if distance(&swapped) < distance(&plain) { swapped } else { plain }
 }
 
-/// Brings the lobes of a model to canonical form without touching what it evaluates to: the parameter sets
-/// that are interpolated with each other (all nodes of f_refl; the four corners of a block) are turned,
-/// swapped and ordered together.
+/// Brings the lobes of a model to canonical form without a change of its values. Parameter sets that are
+/// interpolated with each other (all nodes of f_refl; the four corners of a block) are turned, swapped and
+/// ordered together.
 pub fn canonicalize(data: &mut PlyData) {
     let (lobes, paths) = (data.lobes_refl, data.path_um.len());
     let turns = data.family == LobeKind::Round;
@@ -65,8 +65,8 @@ pub fn canonicalize(data: &mut PlyData) {
     }
 }
 
-/// `params[sets][lobes][6]` and what goes with each lobe, `extra[sets][lobes][stride]`. Round lobes turn
-/// about their axes (`turns`), cones do not.
+/// Canonical form of `params[sets][lobes][6]` and the data of each lobe, `extra[sets][lobes][stride]`. Round
+/// lobes turn about their axes (`turns`), cones do not.
 fn canonical_sets(params: &mut [f64], lobes: usize, extra: &mut [f64], stride: usize, turns: bool) {
     let sets = params.len() / (lobes * PARAMS).max(1);
     if sets == 0 {
@@ -78,7 +78,7 @@ fn canonical_sets(params: &mut [f64], lobes: usize, extra: &mut [f64], stride: u
     let swap: Vec<bool> = (0..lobes).map(|l| turns && total(3, l) > total(4, l)).collect();
     let (old, old_extra) = (params.to_vec(), extra.to_vec());
     for (to, &(_, from)) in order.iter().enumerate() {
-        // One turn for all sets, by the mean: where the lobe lies on average becomes the canonical range.
+        // One turn for all sets brings their mean to the canonical range.
         let count = sets as f64;
         let quarter = if swap[from] { FRAC_PI_2 } else { 0.0 };
         let mean = |k: usize| (0..sets).map(|s| old[(s * lobes + from) * PARAMS + k]).sum::<f64>() / count;

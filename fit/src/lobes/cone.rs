@@ -1,15 +1,15 @@
 //! Mixtures of cone lobes ([`plywave::ply::cone`]) on a latitude-longitude grid: weighted squared distance to
 //! a slice, its gradient, and starts.
 //!
-//! Both profiles of a lobe have closed integrals, so bins are compared by their means, not at their centers:
-//! along s the mean over a row is a difference of erf, along phi over a column too (the tilt of s0 within a
-//! column is left out). A ring far narrower than a row is then what it is in a table, one row of light, and
+//! Both profiles of a lobe have closed integrals, so bins are compared by their means, not at their centers.
+//! Along s the mean over a row is a difference of erf, and so is that over a column along phi (the tilt of s0
+//! within a column is neglected). A ring far narrower than a row is then one row of light, as in a table, and
 //! only its distance from the row's edges matters to the fit.
 //!
-//! Where rings lie on an edge, as at every second node of a standard table, rounding puts all of a ring of no
-//! width into one row of the two: a lobe must move off the edge by two of its own widths to follow, a tenth
-//! of a degree for the narrowest. Within a row nothing tells where a ring lies, so a weak pull holds it to
-//! the cone.
+//! Where rings lie on an edge, as at every second node of a standard table, rounding puts all of a ring of
+//! zero width into one of the two rows: a lobe must move off the edge by two of its own widths to follow, a
+//! tenth of a degree for the narrowest. The position of a ring within a row is undetermined, so a weak pull
+//! keeps it at the cone.
 
 use crate::lobes::sphere::{PaddedSlice, SphereGrid};
 use plywave::math::hash::SplitMix64;
@@ -24,7 +24,7 @@ pub enum SliceLobes {
     /// Anisotropic spherical Gaussians.
     #[default]
     Round,
-    /// Cones of light that comes in at `theta_i` [rad].
+    /// Cones of light incident at `theta_i` [rad].
     Cone {
         /// Incident latitude [rad].
         theta_i: f64,
@@ -54,7 +54,7 @@ pub(crate) fn bounds(family: LobeKind, start: &[f64], top: f64) -> ([f64; PARAMS
     let [(low1, high1), (low2, high2)] = family.bandwidths().map(|(low, high)| (low.ln(), high.ln()));
     let (latitude, turn) = match family {
         LobeKind::Round => (FRAC_PI_2, (start[2] - PI, start[2] + PI)),
-        // Beyond these a cone of the steepest fibers does not go.
+        // Range of the cones of the steepest fibers.
         LobeKind::Cone => (2.0, (-3.0, 3.0)),
     };
     ([-latitude, start[1] - PI, turn.0, low1, low2, 0.0], [latitude, start[1] + PI, turn.1, high1, high2, top])
@@ -62,8 +62,8 @@ pub(crate) fn bounds(family: LobeKind, start: &[f64], top: f64) -> ([f64; PARAMS
 
 /// |x| beyond which erf counts as 1: 1 - erf is 1.5e-8.
 const FAR: f64 = 4.0;
-/// Strength and reach [rad] of the pull to the cone: at most this is added to the squared relative error of a
-/// slice.
+/// Strength and reach [rad] of the pull to the cone. The strength is the largest addition to the squared
+/// relative error of a slice.
 const PULL: f64 = 2e-5;
 const REACH: f64 = 0.03;
 
@@ -78,7 +78,7 @@ struct Column {
     n: f64,
     by_ln_mu1: f64,
     by_phi: f64,
-    /// Derivative of s0 by x, and 1 where s0 is free, 0 where it is kept within [-1, 1].
+    /// Derivative of s0 by x, and 1 where s0 is free, 0 where it is clamped to [-1, 1].
     by_x: f64,
     sin_x: f64,
     free: f64,
@@ -88,7 +88,7 @@ struct Column {
     all_by_ln_t: f64,
     /// First row with light and the one beyond the last.
     rows: (usize, usize),
-    /// Where the means over these rows are kept.
+    /// Index of the means over these rows.
     at: usize,
 }
 
@@ -209,7 +209,7 @@ impl LobeOnGrid {
 }
 
 impl SphereGrid {
-    /// [`SphereGrid::mixture`] of either family; of cones the means over the bins.
+    /// [`SphereGrid::mixture`] for either family; for cones, the means over the bins.
     pub fn mixture_of(
         &self,
         lobes: SliceLobes,
@@ -223,7 +223,7 @@ impl SphereGrid {
         }
     }
 
-    /// [`SphereGrid::cost_gradient`] of either family.
+    /// [`SphereGrid::cost_gradient`] for either family.
     pub fn cost_gradient_of(
         &self,
         lobes: SliceLobes,
@@ -258,7 +258,7 @@ impl SphereGrid {
     }
 }
 
-/// What the pull to the cone adds for a lobe's offset and slope, and its derivatives by them.
+/// Cost of the pull to the cone for a lobe's offset and slope, and its derivatives by them.
 pub(crate) fn pull(p: &[f64]) -> (f64, [f64; 2]) {
     let (mut cost, mut by) = (0.0, [0.0; 2]);
     for (by, x) in by.iter_mut().zip([p[0] / REACH, p[2] / REACH]) {
@@ -272,7 +272,7 @@ pub(crate) fn pull(p: &[f64]) -> (f64, [f64; 2]) {
 /// Energy, mean latitude from the cone and its mean square, of the light in a column of the azimuth.
 type Ring = [f64; 3];
 
-/// Rings by column of light `[theta_o][phi_o]`, not below 0, that came in at `theta_i`.
+/// Rings by column of light `[theta_o][phi_o]`, not below 0, incident at `theta_i`.
 pub(crate) fn rings(sphere: &SphereGrid, values: &PaddedSlice, theta_i: f64) -> Vec<Ring> {
     let grid = sphere.grid();
     let (g, values) = (theta_i.cos().max(GRAZING), sphere.unpad(values));
@@ -362,7 +362,7 @@ fn cluster(
     let spread = m[5] - m[4] * m[4];
     let slope = if spread > 1e-6 { ((m[6] - m[4] * m[2]) / spread).clamp(-1.0, 1.0) } else { 0.0 };
     let offset = (m[2] - slope * m[4]).clamp(-1.5, 1.5);
-    // Less what the rows' height makes of it; a ring within half a row of the cone is taken to be on it.
+    // Subtract the variance due to the rows' height; a ring within half a row of the cone counts as on it.
     let variance = (m[3] - m[2] * m[2] - slope * slope * spread - row * row / 12.0).max((0.2 * row).powi(2));
     let on_cone = |x: f64| if x.abs() < 0.75 * row { 0.0 } else { x };
     let ln_mu2 = (0.5 / variance).clamp(CONE_MU_MIN, CONE_MU2_MAX).ln();
@@ -388,7 +388,7 @@ mod tests {
         .concat()
     }
 
-    /// Bins against the mean of the lobes over many points of each.
+    /// Bins agree with the mean of the lobes over many points of each bin.
     #[test]
     #[ignore = "slow: 5 s: bins hold means"]
     fn bins_hold_means() {
@@ -419,7 +419,7 @@ mod tests {
                     worst = worst.max((got - want).abs());
                 }
             }
-            // The tilt within a column is left out.
+            // The tilt within a column is neglected.
             assert!(worst < 0.02 * peak, "{theta_i}: off by {worst}, peak {peak}");
             // The column of a lobe's antipode is cut at its edges, not at the antipode.
             assert!((sum - 0.8).abs() < 5e-5, "energy {sum}");

@@ -1,5 +1,5 @@
-//! Joint refinement of a block at all absorptions: lobes that fit sigma = 0 alone cannot fit the light that
-//! remains after absorption.
+//! Joint refinement of a block at all absorptions: lobes fitted at sigma = 0 alone do not fit the light after
+//! absorption.
 //!
 //! Absorption removes long paths first, and long and short paths leave in different directions. Given the
 //! lobes of sigma = 0 and their spectra, both are refined together on the slices of all sigma, where sigma =
@@ -12,8 +12,8 @@ use crate::lobes::sphere::{Scratch, SphereGrid};
 use crate::optimize::minimize::{MinimizeOptions, minimize_bounded};
 use plywave::ply::asg::PARAMS;
 
-/// Slices of one incidence at all sigma, `targets[k]`, the energies the evaluator scales to in
-/// `Target::energy`.
+/// Slices of one incidence at all sigma, `targets[k]`; `Target::energy` is the energy that the evaluator
+/// scales to.
 pub(crate) struct DarkSlices {
     pub targets: Vec<Target>,
     /// Parameter sets of this incidence and their weights.

@@ -7,8 +7,7 @@ use plywave::math::vec3::dot;
 use plywave::ply::asg::{Lobe, MU_MAX, MU_MIN};
 
 /// `count` lobes whose energies add up to the slice's integral. `seed` picks the k-means++ start; equal seeds
-/// give equal lobes.
-/// An empty slice gives equal broad lobes of no energy.
+/// give equal lobes. An empty slice gives equal broad lobes of zero energy.
 pub fn kmeans_lobes(sphere: &SphereGrid, slice: &PaddedSlice, count: usize, seed: u64) -> Vec<Lobe> {
     let grid = sphere.grid();
     let values = sphere.unpad(slice);

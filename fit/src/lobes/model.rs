@@ -1,5 +1,5 @@
-//! Lobes of a ply model at one incidence, in f64 and straight from the tensors: the fitter's own view of what
-//! the runtime evaluates, for errors and comparisons.
+//! Lobes of a ply model at one incidence, in f64 and directly from the tensors: an implementation separate
+//! from the runtime's, for errors and comparisons.
 
 use crate::lobes::cone::SliceLobes;
 use crate::lobes::sphere::{PaddedSlice, Scratch, SphereGrid};
@@ -14,7 +14,7 @@ pub struct ScaledLobes {
     pub params: Vec<f64>,
     /// Energy that the sum of the lobes is scaled to.
     pub energy: f64,
-    /// What the parameters are of.
+    /// Kind of the lobes.
     pub lobes: SliceLobes,
 }
 
@@ -31,7 +31,7 @@ pub(crate) fn evaluate(sphere: &SphereGrid, lobes: &ScaledLobes, scratch: &mut S
     sphere.mixture_of(lobes.lobes, &lobes.params, lobes.gain(), scratch)
 }
 
-/// A place between nodes: lower index and fraction along each axis.
+/// A query between nodes: lower index and fraction along each axis.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct GridCell {
     /// Lower node of theta_i, at most M - 2.
@@ -44,14 +44,14 @@ pub struct GridCell {
     pub t: f64,
 }
 
-/// The place of (theta_i >= 0, h), clamped to the nodes.
+/// The cell of (theta_i >= 0, h), clamped to the nodes.
 pub fn locate(data: &PlyData, theta_i: f64, h_um: f64) -> GridCell {
     let (m, s) = axis::locate(theta_i, &data.theta_i);
     let (n, t) = axis::locate(h_um, &data.h_um);
     GridCell { m, s, n, t }
 }
 
-/// Reflection lobes at a place: Catmull-Rom over the nodes, continued linearly beyond the rim.
+/// Reflection lobes at a query: Catmull-Rom over the nodes, extended linearly beyond the rim.
 pub fn refl_lobes(data: &PlyData, at: GridCell) -> ScaledLobes {
     let (rows, columns) = (data.theta_i.len(), data.h_um.len());
     let size = data.lobes_refl * PARAMS;
@@ -95,7 +95,7 @@ fn node_weights(k: usize, t: f64, count: usize) -> [(usize, f64); 4] {
     [(nodes[0], w[0]), (nodes[1], w[1]), (nodes[2], w[2]), (nodes[3], w[3])]
 }
 
-/// What the lobes at a place are.
+/// Kind of the lobes at a query.
 fn lobes_at(data: &PlyData, at: GridCell) -> SliceLobes {
     SliceLobes::new(data.family, along(&data.theta_i, at.m, at.s))
 }
@@ -104,17 +104,17 @@ fn along(axis: &[f64], i: usize, t: f64) -> f64 {
     axis[i] + t * (axis[i + 1] - axis[i])
 }
 
-/// Energies of the model at a place.
+/// Energies of the model at a query.
 pub fn energies(data: &PlyData, at: GridCell) -> EnergiesAt {
     data.energies.at(along(&data.theta_i, at.m, at.s), along(&data.h_um, at.n, at.t))
 }
 
-/// Energy of f_high at a place and sigma [1/um].
+/// Energy of f_high at a query and sigma [1/um].
 pub fn energy_high(data: &PlyData, at: GridCell, sigma_per_um: f64) -> f64 {
     energies(data, at).high_at(sigma_per_um, &data.path_um)
 }
 
-/// High-order lobes at a place and sigma [1/um], by the block that holds the place.
+/// High-order lobes at a query and sigma [1/um], by the block that contains the query.
 pub fn high_lobes(data: &PlyData, at: GridCell, sigma_per_um: f64) -> ScaledLobes {
     let s = ((at.m % 2) as f64 + at.s) / 2.0;
     let t = ((at.n % 2) as f64 + at.t) / 2.0;

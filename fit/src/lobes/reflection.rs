@@ -3,9 +3,9 @@
 //!
 //! Nodes are fitted outwards from one in the middle, each started from its fitted neighbors, so that a lobe
 //! keeps its identity and its representation (the swap of mu1 and mu2, the turns of phi_z and phi_xy).
-//! Further rounds refit all nodes of one color of a checkerboard while the others are held. A weak pull to
-//! the mean of the neighbors on either side leaves what is linear in theta_i and h untouched; it decides
-//! where a slice has no light.
+//! Further rounds refit all nodes of one color of a checkerboard while the others stay fixed. A weak pull to
+//! the mean of the neighbors on either side has no effect on a linear course in theta_i and h; it determines
+//! slices without light.
 
 use crate::lobes::block::{BlockEffort, Target, bounds, fit_joint, joint_cost};
 use crate::lobes::cone;
@@ -65,8 +65,8 @@ pub(crate) fn fit_reflection(
     let size = lobes * PARAMS;
     let nodes = Nodes { m, n };
     let family = targets.first().map_or(LobeKind::Round, |t| t.lobes.family());
-    // The brightest slice of the middle latitude's neighborhood would move with noise; the middle of h at a
-    // third of the latitudes is lit in every yarn.
+    // The middle of h at a third of the latitudes has light in every yarn; the brightest slice would change
+    // with noise.
     let first = (m / 3) * n + n / 2;
     let start_effort = BlockEffort {
         starts: effort.starts,
@@ -132,10 +132,10 @@ pub(crate) fn fit_reflection(
             }
         }
     }
-    // Shares, not energies: where the beam leaves the ply energies fall a hundredfold from node to node,
-    // their cubic interpolation falls below zero, and the mixture between would be left to whichever lobe
-    // does so last. Measured on polyester at every other node left out: errors of 0.42 rms between the nodes
-    // in h with energies, 0.12 with shares.
+    // Shares, not energies: where the beam leaves the ply, energies fall a hundredfold from node to node.
+    // Their cubic interpolation falls below zero, and the last lobe to do so would dominate the mixture
+    // between. Measured on polyester at held-out nodes (every other one): errors of 0.42 rms between the
+    // nodes in h with energies, 0.12 with shares.
     fitted.into_iter().flat_map(|p| p.unwrap_or_else(|| vec![0.0; size])).collect()
 }
 
@@ -148,8 +148,8 @@ pub(crate) fn relative(params: &[f64]) -> Vec<f64> {
     out
 }
 
-/// What the fitted neighbors say: the mean over the axes of the midpoint of the two neighbors, or of the one
-/// neighbor.
+/// Prior from the fitted neighbors: the mean over the axes of the midpoint of the two neighbors, or of the
+/// one neighbor.
 pub(crate) fn prior(nodes: Nodes, node: usize, fitted: &[Option<Vec<f64>>], size: usize, family: LobeKind) -> Vec<f64> {
     let mut sum = vec![0.0; size];
     let mut count = 0.0;
@@ -167,7 +167,7 @@ pub(crate) fn prior(nodes: Nodes, node: usize, fitted: &[Option<Vec<f64>>], size
                 add(a, 1.0);
                 count += 1.0;
                 if let Some(b) = behind {
-                    // Half of a linear extrapolation: follows a drift without overshooting.
+                    // Half of a linear extrapolation follows a drift without overshooting.
                     add(a, 0.5);
                     add(b, -0.5);
                 }
@@ -203,12 +203,12 @@ fn fit_node(
         let fit = minimize_bounded(start, &lower, &upper, options, |x, g| {
             let mut cost = joint_cost(sphere, targets, x, g, &mut scratch, lobes);
             for (i, ((x, p), g)) in x.iter().zip(prior).zip(g.iter_mut()).enumerate() {
-                // Bandwidths count less: a nearly round or nearly flat lobe has a loose one.
+                // Bandwidths count less: a nearly round or nearly flat lobe has a poorly determined one.
                 let s = effort.smoothness * if matches!(i % PARAMS, 3 | 4) { 0.25 } else { 1.0 };
                 cost += s * (x - p) * (x - p);
                 *g += 2.0 * s * (x - p);
             }
-            // The energy scale is free in the objective: hold the shares' sum at one.
+            // The energy scale is free in the objective, so the shares' sum is fixed at one.
             let excess = x.chunks_exact(PARAMS).map(|p| p[5]).sum::<f64>() - 1.0;
             g.chunks_exact_mut(PARAMS).for_each(|g| g[5] += 0.2 * excess);
             cost + 0.1 * excess * excess

@@ -1,14 +1,13 @@
 //! Mixtures of ASG lobes on a latitude-longitude grid: weighted squared distance to a slice and its gradient.
 //!
 //! Along a row of the grid the three dot products of a lobe are `a cos phi + b sin phi + c` with constants
-//! per (lobe, row), so only the exponential costs anything. Values are f32 in lanes of 16 which the compiler
-//! vectorizes for the processor at hand;
-//! sums over a row and everything about parameters are f64. Bins outside a lobe's support (the half sphere
-//! v.z <= 0, and where the Gaussian factor is below e^-18) are skipped in chunks.
+//! per (lobe, row), so only the exponential has a cost. Values are f32 in lanes of 16, which the compiler
+//! vectorizes for the processor; sums over a row and all parameters are f64. Bins outside a lobe's support
+//! (the half sphere v.z <= 0, and where the Gaussian factor is below e^-18) are skipped in chunks.
 //!
-//! Tables hold bin averages, lobes are compared at bin centers: a fitted lobe is broader than the truth by
-//! the variance of a bin, (pi / rows)^2 / 12 along theta. With 2 degree bins that is 0.5 % of the width of a
-//! lobe of standard deviation 0.1 rad; it is not corrected.
+//! Tables hold bin averages, but lobes are compared at bin centers: the variance of a fitted lobe exceeds the
+//! true one by that of a bin, (pi / rows)^2 / 12 along theta. With 2 degree bins that is 0.5 % of the width
+//! of a lobe of standard deviation 0.1 rad; it is not corrected.
 
 use multiversion::{multiversion, target::target_cfg_f};
 use plywave::ply::asg::{Lobe, PARAMS, unit_energy_gradient};
@@ -57,7 +56,7 @@ struct LobeAxes {
     theta_z: (f64, f64),
     phi_z: f64,
     phi_xy: f64,
-    /// Least z where the Gaussian factor counts.
+    /// Least z at which the Gaussian factor counts.
     z_min: f64,
     mu1: f64,
     mu2: f64,
@@ -79,12 +78,12 @@ struct RowLobe {
     /// Amplitude of a unit of energy.
     amplitude: f32,
     energy: f32,
-    /// Ranges of chunks that the lobe touches.
+    /// Ranges of chunks in the lobe's support.
     chunks: [(usize, usize); 2],
 }
 
 impl SphereGrid {
-    /// Tables of `grid`.
+    /// Computes the tables of `grid`.
     pub fn new(grid: OutgoingGrid) -> Self {
         let padded = grid.phi_o.div_ceil(LANES) * LANES;
         let (mut cos_phi, mut sin_phi) = (vec![0.0; padded], vec![0.0; padded]);
@@ -117,8 +116,8 @@ impl SphereGrid {
         self.padded
     }
 
-    /// Turns `model` into the derivatives of `integral (model - target)^2 d omega` by its bins times `gain`;
-    /// gives the integral.
+    /// Replaces `model` by the derivatives of `integral (model - target)^2 d omega` by its bins times `gain`;
+    /// returns the integral.
     pub(crate) fn residual(&self, model: &mut PaddedSlice, target: &PaddedSlice, gain: f64) -> f64 {
         let rows = model.values.chunks_exact_mut(self.padded).zip(target.values.chunks_exact(self.padded));
         rows.zip(&self.solid_angle)
@@ -129,7 +128,7 @@ impl SphereGrid {
             .sum()
     }
 
-    /// The grid these tables are of.
+    /// The grid of these tables.
     pub fn grid(&self) -> OutgoingGrid {
         self.grid
     }
@@ -186,7 +185,7 @@ impl SphereGrid {
     }
 
     /// `integral (gain * sum of lobes - target)^2 d omega`; its derivatives by the parameters of the lobes,
-    /// gain held, go to `gradient` (same layout as `params`).
+    /// at fixed gain, go to `gradient` (same layout as `params`).
     pub fn cost_gradient(
         &self,
         target: &PaddedSlice,
@@ -315,10 +314,10 @@ impl LobeAxes {
         }
     }
 
-    /// From the sums over the sphere of `g e z` times 1, u^2, w^2, u w, and of `g e u (1 + 2 mu1 z^2)`,
-    /// `g e w (1 + 2 mu2 z^2)` (e: amplitude of a unit of energy times Gaussian factor, g: derivative of the
-    /// cost by the model) to derivatives by the parameters. The last three are the lobe's response to turning
-    /// its frame about its own axes.
+    /// Computes derivatives by the parameters from the sums over the sphere of `g e z` times 1, u^2, w^2, u
+    /// w, and of `g e u (1 + 2 mu1 z^2)`, `g e w (1 + 2 mu2 z^2)` (e: amplitude of a unit of energy times
+    /// Gaussian factor, g: derivative of the cost by the model). The last three are the lobe's response to
+    /// turning its frame about its own axes.
     fn chain(&self, s: &[f64; 6], gradient: &mut [f64]) {
         let turn_z = self.energy * 2.0 * (self.mu2 - self.mu1) * s[3];
         let (toward_x, toward_y) = (self.energy * s[4], self.energy * s[5]);
@@ -333,7 +332,7 @@ impl LobeAxes {
     }
 }
 
-/// `a * b + c`, fused where the processor does it in one instruction.
+/// `a * b + c`, fused if the processor has such an instruction.
 #[inline(always)]
 fn fma<const FMA: bool>(a: f32, b: f32, c: f32) -> f32 {
     if FMA { a.mul_add(b, c) } else { a * b + c }
@@ -420,7 +419,7 @@ fn backward_kernel<const FMA: bool>(
     }
 }
 
-/// Turns `model` into `twice_weight * (model - target)` and returns the sum of squared differences of the
+/// Replaces `model` by `twice_weight * (model - target)` and returns the sum of squared differences of the
 /// row.
 #[multiversion(targets("x86_64+avx512f+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
 fn residual(target: &[f32], model: &mut [f32], columns: usize, twice_weight: f32) -> f32 {
@@ -513,7 +512,7 @@ mod tests {
                 p[i] += by;
                 cost(&p)
             };
-            // Fourth order: the narrowest lobe is only twenty steps wide.
+            // Of fourth order, as the narrowest lobe is only twenty steps wide.
             let want = (8.0 * (moved(step) - moved(-step)) - (moved(2.0 * step) - moved(-2.0 * step))) / (12.0 * step);
             assert!((gradient[i] - want).abs() < 2e-4 * scale, "param {i}: got {}, want {want}", gradient[i]);
         }

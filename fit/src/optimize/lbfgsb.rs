@@ -11,13 +11,13 @@
 //! - [`CostGradient`], one call for cost and gradient: every argmin problem with `CostFunction` and
 //!   `Gradient` has it, and an objective that computes both at once implements it alone;
 //! - [`minimize`], the same steps without argmin's executor;
-//! - a line search that steps back from costs and gradients that are not finite: such a point is never
-//!   accepted;
+//! - a line search that steps back from costs and gradients that are not finite and never accepts such a
+//!   point;
 //! - errors and stopping reasons as values.
 //!
 //! No evaluation lies outside the bounds. An infeasible start is projected onto them, and l = u fixes a
-//! variable. What is left out: general linear constraints, and scaling of the variables (the caller's, since
-//! only the caller knows the units).
+//! variable. Not supported: general linear constraints, and scaling of the variables, which is up to the
+//! caller because only the caller knows the units.
 
 mod run;
 
@@ -29,7 +29,7 @@ use run::{Run, projected_gradient};
 /// The argmin state that [`Lbfgsb`] works on.
 pub type LbfgsbState = IterState<Vec<f64>, Vec<f64>, (), (), (), f64>;
 
-/// An objective whose cost and gradient come out of one evaluation.
+/// An objective that computes cost and gradient in one evaluation.
 ///
 /// Every argmin problem with `CostFunction<Param = Vec<f64>, Output = f64>` and
 /// `Gradient<Param = Vec<f64>, Gradient = Vec<f64>>` implements it by calling the two in turn.
@@ -59,7 +59,7 @@ where
     }
 }
 
-/// Why a minimization could not start or go on.
+/// Errors that prevent a minimization from starting or continuing.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum LbfgsbError {
@@ -90,7 +90,7 @@ pub enum LbfgsbError {
         name: &'static str,
         /// Its value.
         value: f64,
-        /// What it may be.
+        /// Allowed values.
         allowed: &'static str,
     },
     /// No start was given, or an iteration was requested before the start.
@@ -107,7 +107,7 @@ pub enum LbfgsbError {
     /// Cost or gradient at the (projected) start is not finite.
     #[error("L-BFGS-B: cost {cost} or its gradient is not finite at the start, give another x0")]
     NotFinite {
-        /// The cost there.
+        /// Cost at the start.
         cost: f64,
     },
     /// The objective itself failed.
@@ -124,8 +124,8 @@ pub struct LbfgsbOptions {
     pub pgtol: f64,
     /// Stop when (f_k - f_k+1) / max(|f_k|, |f_k+1|, 1) is at most this (SciPy's `ftol`).
     pub ftol: f64,
-    /// Evaluations in one line search, at least 1 (SciPy's `maxls`); counted again when it steps back from a
-    /// cost that is not finite.
+    /// Evaluations in one line search, at least 1 (SciPy's `maxls`); the count starts again when it steps
+    /// back from a cost that is not finite.
     pub max_line_search: u32,
     /// Iterations of [`minimize`]; argmin's executor has its own `max_iters`.
     pub max_iterations: u64,
@@ -167,13 +167,13 @@ pub enum LbfgsbStop {
     Decrease,
     /// `max_iterations` reached.
     MaxIterations,
-    /// No step decreased the cost, not even along the projected gradient: rounding has been reached, or cost
-    /// and gradient do not belong together, or no point ahead is finite. The point reported is the best one
-    /// seen. Holds the numerics' own words.
+    /// No step decreased the cost, not even along the projected gradient: the step is at rounding, or cost
+    /// and gradient do not match, or no point ahead is finite. The solution is the best point seen. The
+    /// string is the message of `basin`.
     NoProgress(String),
 }
 
-/// What [`minimize`] found.
+/// Result of [`minimize`].
 #[derive(Debug, Clone, PartialEq)]
 pub struct LbfgsbSolution {
     /// The best point, within the bounds.
@@ -192,13 +192,13 @@ pub struct LbfgsbSolution {
     pub stop: LbfgsbStop,
 }
 
-/// Minimises `objective` within `lower <= x <= upper` from `x0`.
+/// Minimizes `objective` within `lower <= x <= upper` from `x0`.
 ///
 /// All three vectors have the same length; `f64::NEG_INFINITY` and `f64::INFINITY` stand for no bound.
 ///
 /// # Errors
 /// Bounds, options or start out of range, a start whose cost is not finite, or an error of the objective. A
-/// line search that finds nothing is no error: see [`LbfgsbStop::NoProgress`].
+/// line search without success is not an error: see [`LbfgsbStop::NoProgress`].
 pub fn minimize<O: CostGradient + ?Sized>(
     objective: &O,
     x0: &[f64],
@@ -228,10 +228,10 @@ pub fn minimize<O: CostGradient + ?Sized>(
 
 /// L-BFGS-B as a solver of argmin.
 ///
-/// Its reasons to stop: `SolverConverged` for `pgtol` and `ftol` ([`Lbfgsb::stop`] says which), `SolverExit`
-/// when no further progress is possible. Observers get `pg_norm` (largest component of the projected
-/// gradient) and `evaluations`. A checkpoint needs a format that keeps every bit and infinities, like
-/// argmin's own file checkpoints; plain JSON does not.
+/// It stops with `SolverConverged` for `pgtol` and `ftol` ([`Lbfgsb::stop`] says which), and with
+/// `SolverExit` when no further progress is possible. Observers get `pg_norm` (largest component of the
+/// projected gradient) and `evaluations`. A checkpoint needs a format that keeps every bit and infinities,
+/// like argmin's own file checkpoints; plain JSON does not.
 ///
 /// ```
 /// use argmin::core::{CostFunction, Error, Executor, Gradient};
@@ -315,7 +315,7 @@ impl Lbfgsb {
         self
     }
 
-    /// Why the run stopped, `None` while it goes on or when argmin's executor stopped it.
+    /// Why the run stopped; `None` while it runs or when argmin's executor stopped it.
     #[must_use]
     pub fn stop(&self) -> Option<&LbfgsbStop> {
         self.run.as_ref().and_then(|run| run.stop.as_ref())
@@ -381,7 +381,7 @@ impl<O: CostGradient> Solver<O, LbfgsbState> for Lbfgsb {
     }
 }
 
-/// An objective's own error comes out of argmin as it went in, so that it can be downcast.
+/// Returns an objective's error unchanged to argmin, so that it can be downcast.
 fn unwrapped(error: LbfgsbError) -> argmin::core::Error {
     match error {
         LbfgsbError::Objective(error) => error,

@@ -1,11 +1,11 @@
-//! The bounded minimizer as the fits use it: the best point is kept, and a run stops by its gain over a
-//! window of evaluations.
+//! The bounded minimizer of the fits. It keeps the best point and stops by the gain over a window of
+//! evaluations.
 
 use crate::optimize::lbfgsb::{CostGradient, LbfgsbOptions, minimize};
 use std::cell::RefCell;
 use std::collections::VecDeque;
 
-/// When to stop.
+/// Stopping criteria and memory.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct MinimizeOptions {
     /// Largest number of iterations.
@@ -17,7 +17,7 @@ pub(crate) struct MinimizeOptions {
     pub memory: usize,
 }
 
-/// Where it stopped.
+/// Result of a minimization.
 #[derive(Clone, Debug)]
 pub(crate) struct Minimum {
     pub x: Vec<f64>,
@@ -28,7 +28,7 @@ pub(crate) struct Minimum {
 /// Evaluations over which progress is judged.
 const WINDOW: usize = 11;
 
-/// Ends a run whose window shows no more gain.
+/// Error that ends a run whose window shows no more gain.
 #[derive(Debug, thiserror::Error)]
 #[error("the cost no longer falls")]
 struct Settled;
@@ -66,8 +66,8 @@ impl<F: FnMut(&[f64], &mut [f64]) -> f64> CostGradient for Watched<F> {
     }
 }
 
-/// Minimizes `objective(x, gradient) -> cost` within the box, from `start` clamped into it. Whatever ends the
-/// run, the best point found is returned.
+/// Minimizes `objective(x, gradient) -> cost` within the box, from `start` clamped into it. Returns the best
+/// point found, whatever ends the run.
 pub(crate) fn minimize_bounded(
     start: &[f64],
     lower: &[f64],
@@ -86,8 +86,8 @@ pub(crate) fn minimize_bounded(
         max_iterations: options.iterations as u64,
         ..LbfgsbOptions::default()
     };
-    // An error is either `Settled` or a start without finite cost; in both cases the watch holds what there
-    // is.
+    // An error is either `Settled` or a start without finite cost; in both cases the watch holds the best
+    // result.
     let _ = minimize(&watched, &start, lower, upper, &settings);
     let watch = watched.watch.into_inner();
     Minimum { x: watch.x, cost: watch.best, evaluations: watch.evaluations }

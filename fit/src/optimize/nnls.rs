@@ -24,7 +24,7 @@ pub fn nnls(a: &DMatrix<f64>, b: &DVector<f64>) -> DVector<f64> {
                 break;
             }
             if z[enter] <= 0.0 && x[enter] == 0.0 {
-                // Rounding let a useless column in: keep it out until something else has moved.
+                // Rounding let a useless column in: exclude it until another variable moves.
                 free[enter] = false;
                 blocked[enter] = true;
                 break;
@@ -60,7 +60,7 @@ fn solve_free(a: &DMatrix<f64>, b: &DVector<f64>, free: &[bool]) -> DVector<f64>
 mod tests {
     use super::*;
 
-    /// Every subset of free columns, the best feasible one: slow and obvious.
+    /// Brute-force reference: the best feasible one of all subsets of free columns.
     fn brute_force(a: &DMatrix<f64>, b: &DVector<f64>) -> f64 {
         let n = a.ncols();
         (0..1usize << n)

@@ -1,9 +1,9 @@
-//! Covariance of the patterns of instances, light of many weights together.
+//! Covariance of the patterns of instances, from sums over all azimuths.
 //!
-//! `C(d) = <(I(phi) - m(phi)) (I(phi + d) - m(phi + d))> / <m(phi) m(phi + d)>`, m the mean over the
-//! instances: a ratio of sums over the azimuths, in which directions are weighted by their light. The mean of
-//! the ratios, [`plywave::speckle::SpeckleStatistics`], has no meaning for high-order light: it is the
-//! difference of two patterns, so its mean over the instances may come near 0.
+//! `C(d) = <(I(phi) - m(phi)) (I(phi + d) - m(phi + d))> / <m(phi) m(phi + d)>`, where m is the mean over the
+//! instances. This is a ratio of sums over the azimuths, so directions are weighted by their light. The mean
+//! of the ratios, [`plywave::speckle::SpeckleStatistics`], is meaningless for high-order light: that is the
+//! difference of two patterns, so its mean over the instances may be near 0.
 
 use plywave::speckle::{SpecklePatterns, SpecklePolarization, SpeckleSide};
 use rustfft::{FftPlanner, num_complex::Complex};
@@ -24,7 +24,7 @@ pub struct PatternCovariance {
 }
 
 impl PatternCovariance {
-    /// Of `patterns`, `[n][azimuths]`, over the azimuths of a side.
+    /// Covariance of `patterns`, `[n][azimuths]`, over the azimuths of a side.
     pub fn from_patterns(patterns: &[Vec<f64>], side: SpeckleSide) -> PatternCovariance {
         let (n, d) = (patterns.len(), patterns.first().map_or(0, Vec::len));
         let step_rad = TAU / d.max(1) as f64;
@@ -53,7 +53,7 @@ impl PatternCovariance {
             }
         }
         let norm = own(weight);
-        // The mean holds the instance itself, which takes 1/n of the covariance away.
+        // The mean includes the instance itself, which removes 1/n of the covariance.
         let unbiased = if n > 1 { n as f64 / (n - 1) as f64 } else { 0.0 };
         let over = |v: f64, lag: usize| if norm[lag] > 0.0 { v / norm[lag] } else { 0.0 };
         let values = (0..lags).map(|lag| over(unbiased * sums[lag] / n as f64, lag)).collect();
@@ -66,7 +66,7 @@ impl PatternCovariance {
         PatternCovariance { step_rad, values, errors }
     }
 
-    /// That of the sum of `fibers` independent patterns.
+    /// Covariance of the sum of `fibers` independent patterns.
     pub fn of_fibers(mut self, fibers: u32) -> PatternCovariance {
         let scale = 1.0 / f64::from(fibers.max(1));
         self.values.iter_mut().chain(&mut self.errors).for_each(|v| *v *= scale);
@@ -83,7 +83,8 @@ impl PatternCovariance {
         self.values.first().copied().unwrap_or(0.0)
     }
 
-    /// Largest distance to another covariance over this one's value at lag 0, of the lags up to `most_rad`.
+    /// Largest distance to another covariance at lags up to `most_rad`, relative to this one's value at
+    /// lag 0.
     pub fn distance(&self, other: &PatternCovariance, most_rad: f64) -> f64 {
         let lags = (most_rad / self.step_rad).round() as usize + 1;
         let off = self.values.iter().zip(&other.values).take(lags).map(|(a, b)| (a - b).abs());
@@ -91,9 +92,9 @@ impl PatternCovariance {
     }
 }
 
-/// Mean of the covariances at several wavelengths, each over its own value at lag 0, times the square of a
-/// contrast, over the lag times `lambda_um[0] / lambda`, which is the lag at the first: between the measured
-/// lags by cubics, of the lags that a wavelength has.
+/// Mean of the covariances at several wavelengths, each relative to its value at lag 0, times the square of a
+/// contrast. Lags are scaled by `lambda_um[0] / lambda` to those at the first wavelength; values between
+/// measured lags are cubic, and a wavelength contributes only within its measured lags.
 pub fn stretched_mean(covariances: &[PatternCovariance], lambda_um: &[f64], contrast: f64) -> PatternCovariance {
     let first = &covariances[0];
     let mean = |of: &dyn Fn(&PatternCovariance) -> &Vec<f64>| -> Vec<f64> {
@@ -111,7 +112,8 @@ pub fn stretched_mean(covariances: &[PatternCovariance], lambda_um: &[f64], cont
     PatternCovariance { step_rad: first.step_rad, values: mean(&|c| &c.values), errors: mean(&|c| &c.errors) }
 }
 
-/// An even function, given at 0, 1, ..., by the cubic through the four nearest values; none beyond the last.
+/// Interpolates an even function, given at 0, 1, ..., by the cubic through the four nearest values; `None`
+/// beyond the last.
 fn cubic(values: &[f64], x: f64) -> Option<f64> {
     let last = values.len().checked_sub(1)?;
     if x > last as f64 {
@@ -129,8 +131,8 @@ fn cubic(values: &[f64], x: f64) -> Option<f64> {
     Some((-1..3).zip(weights).map(|(i, w)| w * at(i)).sum())
 }
 
-/// Patterns of reflection, those of the darkest fibers, and of high-order light, those of the clearest less
-/// those of the darkest: `[n][azimuths]` each.
+/// Patterns of reflection (those of the darkest fibers) and of high-order light (those of the clearest minus
+/// those of the darkest fibers), `[n][azimuths]` each.
 pub fn refl_and_high(patterns: &SpecklePatterns, lambda: usize, pol: SpecklePolarization) -> [Vec<Vec<f64>>; 2] {
     let refl = patterns.instances_of(patterns.kappa.len() - 1, lambda, pol);
     let mut high = patterns.instances_of(0, lambda, pol);

@@ -46,9 +46,9 @@ pub(super) fn field_models(
     }))
 }
 
-/// The line `s = fade[0] + fade[1] lambda` by which contrasts fall from the largest on it at a simulated
-/// wavelength, and that largest. A contrast above 1, which N cannot have, counts as 1 in the line; the
-/// largest is as measured where all are above.
+/// The line `s = fade[0] + fade[1] lambda` of contrasts relative to the largest on it at a simulated
+/// wavelength, and that largest contrast. A contrast above 1, which N cannot have, counts as 1 in the line;
+/// if all are above 1, the largest is as measured.
 fn fade(covariances: &[PatternCovariance], lambda_um: &[f64]) -> ([f64; 2], f64) {
     let contrasts: Vec<f64> = covariances.iter().map(PatternCovariance::contrast).collect();
     let n = contrasts.len() as f64;
@@ -69,9 +69,9 @@ fn fade(covariances: &[PatternCovariance], lambda_um: &[f64]) -> ([f64; 2], f64)
 }
 
 /// mu^2 of a rough strip as wide as the fiber, mu = `sin(x) / x` with `x = k D d / 2`, for patterns without
-/// grains (C does not fall to half within the lags): the reflection of a smooth round fiber has none, that of
-/// a rough one is a speckle of this correlation. D is half the extinction width of the dark fibers, as it is
-/// for all that is large beside the wavelength (van de Hulst 1957, 8.22).
+/// grains (C does not fall to half within the lags). The reflection of a smooth round fiber has no grains;
+/// that of a rough one is a speckle of this correlation. D is half the extinction width of the dark fibers,
+/// as for all bodies that are large against the wavelength (van de Hulst 1957, 8.22).
 fn strip(patterns: &SpecklePatterns, measured: &PatternCovariance) -> Option<Vec<f64>> {
     if measured.values.iter().any(|c| *c <= 0.5 * measured.variance()) {
         return None;

@@ -13,7 +13,7 @@ use rand_pcg::Pcg64Mcg;
 use rustfft::{FftPlanner, num_complex::Complex};
 use std::f64::consts::{PI, TAU};
 
-/// Places on the circle for each azimuth of the patterns, linear between them.
+/// Samples on the circle per azimuth of the patterns, linear between them.
 const FINE: usize = 8;
 
 /// Synthesized N of many instances: `[lambda][instance][azimuth]`.
@@ -21,8 +21,8 @@ const FINE: usize = 8;
 pub struct LinePatterns(pub Vec<Vec<Vec<f64>>>);
 
 impl LinePatterns {
-    /// `count` instances at wavelengths [um]: drawn at the first, the others are the same field stretched
-    /// about exact forward, where all are in phase.
+    /// Draws `count` instances at wavelengths [um]. The field is drawn at the first wavelength; at the others
+    /// it is stretched about exact forward, where all are in phase.
     pub fn draw(model: &FieldModel, lambda_um: &[f64], count: usize, seed: u64) -> LinePatterns {
         let (d, n) = (model.azimuths, FINE * model.azimuths);
         let mut rng = Pcg64Mcg::seed_from_u64(seed);
@@ -60,19 +60,19 @@ impl LinePatterns {
     }
 }
 
-/// Simulated beside synthesized patterns of one kind at one wavelength.
+/// Comparison of simulated and synthesized patterns of one kind at one wavelength.
 #[derive(Clone, Debug)]
 pub struct LineComparison {
     /// "refl" or "high".
     pub kind: &'static str,
     /// Wavelength [um].
     pub lambda_um: f64,
-    /// Of the simulated patterns.
+    /// Covariance of the simulated patterns.
     pub simulated: PatternCovariance,
-    /// Of every other simulated pattern, the first and the second ones: half their distance is what the
-    /// estimate of so many patterns is good to.
+    /// Covariances of the two halves (every other) of the simulated patterns: half their distance is the
+    /// uncertainty of the estimate from all.
     pub halves: [PatternCovariance; 2],
-    /// Of the synthesized ones, mean times N.
+    /// Covariance of the synthesized patterns, mean times N.
     pub synthesized: PatternCovariance,
     /// `[azimuth]`: mean of the simulated patterns [um/rad].
     pub mean: Vec<f64>,
@@ -82,9 +82,9 @@ pub struct LineComparison {
     pub two_synthesized: [Vec<f64>; 2],
 }
 
-/// Both kinds at every wavelength, f_refl first, with `count` synthesized instances. One field serves all
-/// wavelengths. Of several fibers in view the covariances are those of their sum, the two simulated patterns
-/// those of single ones.
+/// Compares both kinds at every wavelength, f_refl first, with `count` synthesized instances. One field
+/// serves all wavelengths. With several fibers in view the covariances are those of their sum; the two
+/// simulated patterns are those of single fibers.
 ///
 /// # Errors
 /// As [`super::noise_tiles`].

@@ -15,9 +15,9 @@
 //! The light of one smooth fiber is the sum of few rays: its contrast is below 1, and its covariance swings
 //! below 0 as their fringes do, which the constant phasor allows.
 //!
-//! A contrast above 1 (glints of flat faces, turned at random) is more than N can have; then b = 1, and the
-//! report says so. Where several fibers are in view, their light adds up incoherently, and C is that of one
-//! fiber divided by their number.
+//! N cannot have a contrast above 1 (glints of flat faces, turned at random); then b = 1, and the report says
+//! so. Where several fibers are in view, their light adds up incoherently, and C is that of one fiber divided
+//! by their number.
 //!
 //! One field serves all wavelengths by a stretch, so C / C(0) is the mean over the simulated wavelengths,
 //! each at its stretched lag. Their contrasts differ too:
@@ -40,24 +40,24 @@ use fields::field_models;
 use plywave::Error;
 use plywave::speckle::{NoiseSpectrum, NoiseTiles, SpecklePatterns};
 
-/// What the noise of one kind of light was computed from.
+/// Source of the noise of one kind of light.
 #[derive(Clone, Debug, PartialEq)]
 pub struct NoiseKind {
-    /// Of the simulated patterns at all wavelengths, stretched to the shortest.
+    /// Covariance of the simulated patterns at all wavelengths, stretched to the shortest.
     pub measured: PatternCovariance,
-    /// The field fitted to it.
+    /// Field fitted to that covariance.
     pub model: FieldModel,
     /// Contrast of the tiles at their nodes.
     pub contrast_nodes: f64,
-    /// Contrast of the tiles looked up between the nodes, on average.
+    /// Mean contrast of lookups between the tiles' nodes.
     pub contrast: f64,
     /// Largest error of a coded value, over the standard deviation of the tile.
     pub coding_error: f64,
 }
 
-/// Noise of the light of `patterns`, which need clear and absorbing fibers (first and last kappa), and what
-/// it was computed from, f_refl first. Its tiles, which the runtime makes, are those of the shortest
-/// wavelength. `file` is for messages.
+/// Computes the noise of the light of `patterns`, which need clear and absorbing fibers (first and last
+/// kappa). Also returns its sources, f_refl first. Its tiles, which the runtime synthesizes, are those of the
+/// shortest wavelength. `file` is for messages.
 ///
 /// # Errors
 /// [`Error::Invalid`] for patterns without absorbing fibers or of fewer than two instances.
@@ -87,8 +87,8 @@ pub fn noise_tiles(
     Ok((noise, kinds))
 }
 
-/// Refuses patterns and options whose tiles no model could hold, whatever the patterns' values, at no cost.
-/// `file` stands for the patterns in messages.
+/// Refuses patterns and options whose tiles no model can hold, whatever the patterns' values. This costs
+/// nothing. `file` stands for the patterns in messages.
 ///
 /// # Errors
 /// [`Error::Invalid`].
@@ -108,7 +108,7 @@ pub fn check_savable(patterns: &SpecklePatterns, options: &NoiseOptions, file: &
     frame(patterns, options, None).check_frame(file)
 }
 
-/// What of the noise is known before its spectrum is: nothing of the light without `models`.
+/// The noise without its spectrum; without `models`, also without data of the light.
 fn frame(
     patterns: &SpecklePatterns,
     options: &NoiseOptions,

@@ -1,8 +1,8 @@
-//! What noise to synthesize: sizes, polarization and contrast.
+//! Options of the synthesized noise: sizes, polarization and contrast.
 
 use plywave::speckle::{SpecklePolarization, SpeckleSide};
 
-/// What the noise is to have.
+/// Contrast of the noise.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum NoiseContrast {
     /// The contrast and the covariance of the simulated fibers.
@@ -16,7 +16,7 @@ pub enum NoiseContrast {
 pub struct NoiseOptions {
     /// Seed of the tiles.
     pub seed: u64,
-    /// Tiles a kind, a power of two.
+    /// Tiles per kind, a power of two.
     pub tiles: usize,
     /// Nodes along v, a power of two.
     pub rows: usize,
@@ -26,9 +26,9 @@ pub struct NoiseOptions {
     pub nodes_a_half_width: f64,
     /// Waist of the beam on the ply [um], which is the illuminated length.
     pub w0_um: f64,
-    /// Light of which polarization; renderers have unpolarized light.
+    /// Polarization of the light; renderers have unpolarized light.
     pub polarization: SpecklePolarization,
-    /// Fibers that are in view at once, whose patterns add up.
+    /// Number of fibers in view at once, whose patterns add up.
     pub fibers: u32,
     /// Contrast of the noise.
     pub contrast: NoiseContrast,
@@ -50,8 +50,8 @@ impl Default for NoiseOptions {
     }
 }
 
-/// The azimuths that the statistics of f_refl and f_high look at. Behind a dark fiber there is diffracted
-/// light, which is no reflection.
+/// Azimuths in the statistics of f_refl and f_high. The light behind a dark fiber is diffraction, not
+/// reflection.
 pub const KIND_SIDES: [SpeckleSide; 2] = [SpeckleSide::Reflection, SpeckleSide::All];
 /// Names of the kinds.
 pub const KIND_NAMES: [&str; 2] = ["refl", "high"];

@@ -1,4 +1,4 @@
-//! From a covariance of the intensity to the power spectrum of the field that has it.
+//! Power spectrum of the field whose intensity has a given covariance.
 //!
 //! mu solves `b^2 mu^2 + 2 b (1 - b) mu = C`; its spectrum must not be negative. Clipping the transform of mu
 //! at 0 (Yu 2024) changes the covariance by the clipped part, up to a tenth here, and where b = 1 the root
@@ -23,22 +23,21 @@ pub struct FieldModel {
     pub spectrum: Vec<f64>,
     /// N fades to `1 + s (N - 1)` with `s = fade[0] + fade[1] lambda_um`, within 0 and 1.
     pub fade: [f64; 2],
-    /// Number of azimuths the spectrum was made for.
+    /// Number of azimuths of the spectrum.
     pub azimuths: usize,
 }
 
-/// Covariance of N where the field has the correlation `mu` (module head of [`super`]).
+/// Covariance of N for a field correlation `mu` (module head of [`super`]).
 pub fn intensity_covariance(share: f64, mu: f64) -> f64 {
     share * mu * (2.0 * (1.0 - share) + share * mu)
 }
 
-/// Share b of a field whose intensity has this variance: `1 - sqrt(1 - C(0))`, 1 for all above 1.
+/// Share b of a field whose intensity has this variance: `1 - sqrt(1 - C(0))`, and 1 for variances above 1.
 pub fn share_of(variance: f64) -> f64 {
     1.0 - (1.0 - variance.clamp(0.0, 1.0)).sqrt()
 }
 
-/// mu of a covariance: the root that is 1 at lag 0. Where C is less than any mu gives, the one that gives the
-/// least.
+/// mu of a covariance: the root that is 1 at lag 0. If C is below the range of all mu, the mu of the least C.
 fn correlation(share: f64, c: f64) -> f64 {
     let rest = 1.0 - share;
     // c / (sqrt(rest^2 + c) + rest) is the root without cancellation for small shares.
@@ -48,11 +47,11 @@ fn correlation(share: f64, c: f64) -> f64 {
 }
 
 impl FieldModel {
-    /// Of a measured covariance.
+    /// Field of a measured covariance.
     pub fn from_covariance(measured: &PatternCovariance, contrast: NoiseContrast, azimuths: usize) -> FieldModel {
         let variance = measured.variance();
         if variance.is_nan() || variance <= 0.0 {
-            // Nothing varies: no field, whatever its spectrum.
+            // Nothing varies, so there is no field and its spectrum is arbitrary.
             let mut spectrum = vec![0.0; azimuths / 2 + 1];
             spectrum[0] = 1.0;
             return FieldModel { share: 0.0, spectrum, fade: [1.0, 0.0], azimuths };
@@ -64,7 +63,7 @@ impl FieldModel {
             }
             NoiseContrast::Measured => {
                 let share = share_of(variance);
-                // A variance that N cannot have is scaled to the largest it can.
+                // A variance that N cannot have is scaled to its largest possible one.
                 let scale = if variance > 1.0 { 1.0 / variance } else { 1.0 };
                 let covariance: Vec<f64> = measured.values.iter().map(|c| scale * c).collect();
                 FieldModel { share, spectrum: spectrum_of(share, &covariance, azimuths), fade: [1.0, 0.0], azimuths }
@@ -102,14 +101,14 @@ impl FieldModel {
 }
 
 /// The spectrum, `[n / 2 + 1]`, >= 0 and of sum 1 (harmonics beside 0 and n / 2 twice), with which the
-/// covariance of N on n places of a circle is nearest to `covariance`, `[lag]`.
+/// covariance of N on n points of a circle is nearest to `covariance`, `[lag]`.
 pub fn spectrum_of(share: f64, covariance: &[f64], n: usize) -> Vec<f64> {
     let lags = covariance.len().min(n / 2 + 1);
     let mut planner = FftPlanner::new();
     let fft = planner.plan_fft_forward(n);
     let mut scratch = vec![Complex::default(); fft.get_inplace_scratch_len()];
     let mut z = vec![Complex::default(); n];
-    // Even sequences of n: their transform is real, and its own inverse but for n.
+    // The transform of even sequences of length n is real, and its own inverse up to the factor n.
     let mut transform = |even: &[f64], out: &mut [f64]| {
         z.iter_mut().zip(even).for_each(|(z, v)| *z = Complex::new(*v, 0.0));
         fft.process_with_scratch(&mut z, &mut scratch);
@@ -130,7 +129,7 @@ pub fn spectrum_of(share: f64, covariance: &[f64], n: usize) -> Vec<f64> {
     transform(&mu, &mut s);
     s.iter_mut().for_each(|v| *v = v.max(0.0));
     normalize(&mut s);
-    // Of C / (2 b) = (1 - b) mu + b mu^2 / 2 the slope is at most 1, and the transform's norm is sqrt(n):
+    // The slope of C / (2 b) = (1 - b) mu + b mu^2 / 2 is at most 1, and the transform's norm is sqrt(n), so
     // steps of 1/n descend.
     let want: Vec<f64> = covariance.iter().take(lags).map(|c| c / (2.0 * share)).collect();
     let (mut ahead, mut momentum) = (s.clone(), 1.0f64);

@@ -4,18 +4,18 @@
 //! The field's correlation is that of the azimuth along u times that of the illuminated length along v.
 //!
 //! Bilinear interpolation between four nodes keeps the mean but not the variance: over a cell,
-//! `(4 + 2 c_10 + 2 c_01 + c_11) / 9` of it remains, c the covariance of neighboring nodes over the variance.
-//! The nodes' variance is raised to compensate, up to 1.
+//! `(4 + 2 c_10 + 2 c_01 + c_11) / 9` of it remains, where c is the covariance of neighboring nodes over the
+//! variance. The nodes' variance is raised to compensate, up to 1.
 
 use super::options::NoiseOptions;
 use super::spectrum::{FieldModel, intensity_covariance, share_of, spectrum_of};
 use plywave::speckle::{NoiseSpectrum, NoiseTiles};
 use std::f64::consts::PI;
 
-/// Largest lag that the field model knows [rad].
+/// Largest lag of the field model [rad].
 const LAGS_RAD: f64 = PI / 6.0;
 
-/// What the tiles of one kind of light are made of.
+/// Field of the tiles of one kind of light.
 pub struct TileField {
     /// Share of the fluctuating field at the nodes.
     pub share: f64,
@@ -43,8 +43,8 @@ pub fn field(model: &FieldModel, lambda_um: f64, options: &NoiseOptions) -> Tile
     let (step_v, step_u) = (step_v(lambda_um, options), step_u(model, options));
     let along_v = |node: f64| (-0.5 * (node * step_v / s).powi(2)).exp();
     let lags = ((LAGS_RAD / step_u) as usize).min(2 * columns / 5);
-    // More variance at the nodes makes up for what the interpolation loses between them; each share has its
-    // own loss.
+    // More variance at the nodes compensates for the loss of the interpolation between them; the loss depends
+    // on the share.
     let wanted = intensity_covariance(model.share, 1.0);
     let kept = |share: f64| {
         let c = |v: f64, u: f64| intensity_covariance(share, along_v(v) * model.correlation(u * step_u));
@@ -60,13 +60,13 @@ pub fn field(model: &FieldModel, lambda_um: f64, options: &NoiseOptions) -> Tile
     let spectrum_u = if share > 0.0 {
         spectrum_of(share, &(0..=lags).map(covariance).collect::<Vec<_>>(), columns)
     } else {
-        // Of no field, whatever its spectrum.
+        // Without a field the spectrum is arbitrary.
         (0..=columns / 2).map(|q| if q == 0 { 1.0 } else { 0.0 }).collect()
     };
     TileField { share, spectrum_u, kept: if variance > 0.0 { kept(share) / variance } else { 0.0 } }
 }
 
-/// What the tiles of one kind turned out to be.
+/// Measured properties of the tiles of one kind.
 pub struct Measured {
     /// Contrast at the nodes.
     pub contrast_nodes: f64,
@@ -74,7 +74,7 @@ pub struct Measured {
     pub coding_error: f64,
 }
 
-/// Of the tiles that the runtime makes of `spectrum`, beside the values that they code.
+/// Measures the tiles that the runtime synthesizes from `spectrum`, against the values that they code.
 pub fn measured(spectrum: &NoiseSpectrum, tiles: &NoiseTiles, kind: usize) -> Measured {
     let (mut squares, mut coding_error) = (0.0, 0.0f64);
     for tile in 0..spectrum.sizes[0] {

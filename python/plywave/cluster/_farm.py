@@ -25,22 +25,22 @@ Told = Callable[[str, int, int], Any]
 """Progress: an item's name, shards done, shards in all."""
 
 TASKS_A_SLOT = 8
-"""Tasks of all items for each core of the workers: what is left at the end is short, and what all shards of a job need is made on few workers."""
+"""Tasks of all items for each core of the workers: the last tasks are short, and the data that all shards of a job share is made on few workers."""
 
 GROUPS_A_SLOT = 4
 """Groups for each core of the workers, of all items, from which on whole groups are run."""
 
 
 LOOK_S = 0.5
-"""How often workers are looked at [s]."""
+"""Interval between two looks at the workers [s]."""
 
 SILENT_S = 60.0
-"""How long the scheduler may leave a question without an answer [s]."""
+"""Longest time to wait for an answer of the scheduler [s]."""
 
 MIN_REST_S, MAX_REST_S = 0.2, 5.0
 """How long a worker that did not take its data gets nothing [s]: at first, doubled each time, at most the last."""
 
-GOES_ON = "what is finished is in the cache: run it again"
+GOES_ON = "finished work is in the cache: run it again"
 
 
 class Made(NamedTuple):
@@ -132,7 +132,7 @@ class _Queue:
 
 
 def missing(job: Job, there: Sequence[Block], groups: bool) -> List[Block]:
-    """Blocks that are to be run: groups, where they are asked for and nothing of them is there, else single shards."""
+    """Blocks to run: with `groups`, each group of which no shard is there; else single shards."""
     have: Set[int] = set()
     for first, count in there:
         have.update(range(first, first + count))
@@ -174,11 +174,11 @@ def farm(
     computed again. What is lost with a worker is run again and never counts against its item.
 
     Args:
-        items: What is to be made, the first first.
+        items: What to make, in this order.
         client: A Dask client (`connect`).
-        cache: Where shards and files are kept.
-        retries: How often a task may come back damaged before its item is given up. An error that a task raises twice ends its item too, one of plywave's own at once.
-        deaths: How many workers may die one after the other while nothing is finished.
+        cache: Cache of shards and files.
+        retries: How often to repeat a task whose result is damaged before its item fails. An item also fails when a task raises the same error twice, and at once for an error of plywave's own.
+        deaths: How many workers may die in a row while nothing is finished.
         told: Called with an item's name, its finished shards and all of them.
 
     Raises:
@@ -251,7 +251,8 @@ class _Farm:
         if not left:
             return
         slots = max(1, sum(self.threads().values()))
-        # Groups are added up on the worker: where all items together have enough of them, a group's bytes travel in place of every shard's.
+        # Groups are added up on the worker: where all items together have enough of them, a group's bytes
+        # travel in place of every shard's.
         groups = sum(-(-job.shards // job.group) for item in left for job in item.jobs)
         self.groups = groups >= GROUPS_A_SLOT * slots
         self.most_tasks = max(1, TASKS_A_SLOT * slots // max(1, len(left)))
@@ -311,8 +312,8 @@ class _Farm:
         self.deaths, self.last_words = self.deaths + 1, words
         if self.deaths > self.most_deaths:
             names = sorted({task.work.item.name for task in self.tasks.values()} | {task.work.item.name for task in self.queue.first})
-            left = f" (then at work on {', '.join(names[:5])})" if names else ""
-            raise Error(f"{self.deaths} times one after the other a worker died and nothing was finished{left}; the last: {words}; {GOES_ON}")
+            left = f" (at work on {', '.join(names[:5])})" if names else ""
+            raise Error(f"{self.deaths} workers died in a row and nothing was finished{left}; the last: {words}; {GOES_ON}")
 
     def again(self, task: _Task) -> None:
         """Has a task run again."""
@@ -377,7 +378,7 @@ class _Farm:
         """Has what is damaged in the cache of an item's shards run again."""
         work.retries, work.damaged = work.retries + 1, work.damaged + 1
         if work.damaged > self.retries:
-            self.ended.append(self.give_up(work, f"{work.item.name}: its shards are damaged in the cache again and again"))
+            self.ended.append(self.give_up(work, f"{work.item.name}: its shards in the cache are damaged repeatedly"))
             return
         self.begin(work)
 

@@ -38,7 +38,7 @@ class Job:
 
 @dataclass(frozen=True)
 class Item:
-    """A file that is to be made; it holds texts, no paths, and can be sent anywhere."""
+    """A file to make; it holds texts, no paths, and can be sent anywhere."""
 
     kind: str
     """"yarn", "family", "fiber", "speckle", "twin" or "compare"."""

@@ -66,7 +66,7 @@ class LocalWorkers:
         try:
             self._folder.cleanup()
         except OSError:
-            # A file of a worker that the system has not let go of yet; temporary files are the system's to clear.
+            # A file of a worker that the system still holds; the system clears temporary files.
             pass
 
     def _keep(self) -> None:
@@ -127,7 +127,8 @@ def work(address: str, folder: str) -> None:
     import asyncio
 
     threading.Thread(target=_end_with_parent, daemon=True).start()
-    # Without a limit of memory: Dask pauses a worker that is beyond its limit, and for good where its task needs more.
+    # Without a limit of memory: Dask pauses a worker that is beyond its limit, and for good where its task
+    # needs more.
     options: Dict[str, Any] = {"nthreads": 1, "local_directory": folder, "memory_limit": 0, "host": "127.0.0.1"}
 
     async def run() -> None:

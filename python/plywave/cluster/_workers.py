@@ -1,4 +1,4 @@
-"""Workers: a scheduler that runs, processes of this machine, or jobs of Slurm."""
+"""Workers: a running scheduler, processes of this machine, or jobs of Slurm."""
 
 from __future__ import annotations
 
@@ -33,10 +33,10 @@ _SLURM: Dict[str, Any] = {
 }
 
 MAX_DEATHS = 200
-"""So many workers may die one after the other while nothing is finished."""
+"""Workers that may die in a row while nothing is finished."""
 
 START_S = 60.0
-"""How long all processes of this machine may take to start [s]; then those that are there begin."""
+"""Longest time to wait for the start of all processes of this machine [s]; then those that have started begin."""
 
 _LOCAL: "weakref.WeakKeyDictionary[Any, LocalWorkers]" = weakref.WeakKeyDictionary()
 
@@ -55,11 +55,11 @@ def connect(
     Processes of this machine that die are replaced, and so are Slurm's jobs.
 
     Args:
-        scheduler: Address of a scheduler that runs, "tcp://..".
-        local: Else as many processes of this machine; by default one a core.
+        scheduler: Address of a running scheduler, "tcp://..".
+        local: Else the number of processes on this machine; by default one per core.
         slurm: Else options of `dask_jobqueue.SLURMCluster`: queue, cores, memory, walltime, ..
-        jobs: Slurm jobs that are asked for.
-        timeout_s: How long the scheduler may take to answer [s].
+        jobs: Number of Slurm jobs.
+        timeout_s: Longest time to wait for the scheduler's answer [s].
 
     Raises:
         Error: without Dask, where no scheduler answers at the address, where no process starts, for workers of another version.
@@ -104,18 +104,18 @@ def connect(
 
 def _closed(what: Any) -> None:
     """Closes a client or a cluster."""
-    # What it was connected to may be gone, which Dask tells by errors of many kinds; nothing is left to be lost.
+    # Its peer may have ended, for which Dask raises errors of many kinds; there is nothing to lose.
     with contextlib.suppress(Exception):
         what.close()
 
 
 def _keep_jobs(cluster: Any, jobs: int, every_s: float = 10.0) -> Any:
-    """Has Slurm asked anew for jobs that have ended, every so often; gives what stops that."""
+    """Requests ended jobs from Slurm again, every `every_s`; returns a function that stops this."""
     over = threading.Event()
 
     def keep() -> None:
         while not over.wait(every_s):
-            # A job that Slurm refuses now is asked for again the next time.
+            # A job that Slurm refuses now is requested again the next time.
             with contextlib.suppress(Exception):
                 cluster.scale(jobs=jobs)
 
@@ -137,7 +137,7 @@ def _wait_for(client: Any, workers: LocalWorkers, count: int) -> None:
 
 
 def _client_of(distributed: Any, scheduler: str, timeout_s: float) -> Any:
-    """A client of a scheduler that runs."""
+    """A client of a running scheduler."""
     scheme, _, place = scheduler.rpartition("://")
     if not re.fullmatch(r"(tcp|tls|ws|wss|ucx)?", scheme) or not re.fullmatch(r".+:\d{1,5}", place):
         raise Error(f"scheduler = {scheduler}: no address of a scheduler; give tcp://HOST:PORT")

@@ -41,7 +41,8 @@ class Flight(Yarns):
             "met": [kit.float(-1e30)] * (PASSED if self.least_plies == 1 else 0),
             "oldest": kit.uint(0),
             "on": kit.bool(active),
-            # Of a yarn whose plies scatter one by one: which, and until when each ply is not met, as the line has left it.
+            # For a yarn whose plies scatter one by one: the yarn, and up to which place the line hits none of
+            # the plies that it has left.
             "left": [kit.int(NO_YARN), *[kit.float(0.0)] * (self.most_plies if self.some_one_by_one else 0)],
         }
         return start, d, state
@@ -194,7 +195,8 @@ class Flight(Yarns):
             near = dr.abs(nearest - at) < AHEAD * hull
             is_new = True
             if met_at:
-                # A line that stays near a yarn for longer than it is looked at finds the same place or, where the yarn bends, the next.
+                # A line that stays near a yarn beyond the searched length finds the same place or, where the
+                # yarn bends, the next.
                 before = kit.float(-1e30)
                 for i in range(PASSED):
                     before = dr.select(ids[i] == which, met_at[i], before)

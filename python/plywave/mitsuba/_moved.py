@@ -11,8 +11,8 @@ from ._flight import NO_YARN, family_of
 from ._kit import detached
 from ._yarns import TAU
 
-# Step of the difference along a line, part of the yarn's half width; the least change of what is sought along it; room within a rim, part of the squared radius, where the way to the
-# rim is as the way to the axis.
+# Step of the difference along a line, part of the yarn's half width; the least change of what is sought along
+# it; room within a rim, part of the squared radius, where the way to the rim is as the way to the axis.
 STEP, MIN_RISE, RIM = 0.02, 0.1, 1e-3
 
 

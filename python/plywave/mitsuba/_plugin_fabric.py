@@ -187,7 +187,8 @@ def define(Calls):
             kit, scale = self.kit, 1.0 if self.footprint_scale is None else self.footprint_scale
             footprint = self.footprint_um
             if self.footprint_rad is not None:
-                # An ellipse with the axes l and l / cos, l the pixel's width at the length of the ray; by the areas of the cloth and of the surface for the same piece of uv.
+                # An ellipse with the axes l and l / cos, l the pixel's width at the length of the ray; by the
+                # areas of the cloth and of the surface for the same piece of uv.
                 per_uv = dr.norm(dr.cross(si.dp_du, si.dp_dv)) * dr.maximum(dr.abs(si.wi.z), 1e-3)
                 um2_per_uv = dr.abs(self.um_per_uv.x * self.um_per_uv.y) * self.scale_of_uv()
                 squared = si.t * si.t * um2_per_uv / dr.maximum(per_uv, 1e-30)

@@ -88,7 +88,8 @@ def define(Calls):
             at = self.fiber.at(wi, self.lambda_um(si))
             met = self.kit.S(1.0)
             if self.width == "wave":
-                # The hit lies as far from the axis as the curve's radius, which stands for half of the greatest width.
+                # The hit lies as far from the axis as the curve's radius, which stands for half of the
+                # greatest width.
                 normal = self.to_fiber(turn, self.kit.Vector3f(0.0, 0.0, 1.0))
                 x, y = at["azimuth"]
                 offset = dr.abs(x * normal[1] - y * normal[0]) * self.fiber.max_width_um

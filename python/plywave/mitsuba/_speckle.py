@@ -41,7 +41,8 @@ class Words:
 def instance(kit, ply, along, h_um, grain_um):
     """The patterns of a place on a ply, by its number and the place along and across it [um] (``Instance::new``)."""
     words = Words(kit.jit)
-    # In doubles rounded to singles at each step, as the library's singles are: a product with the reciprocal, or one step for two, would end grains elsewhere.
+    # In doubles rounded to singles at each step, as the library's singles are: a product with the reciprocal,
+    # or one step for two, would end grains elsewhere.
     double, single = (mi.Float64, lambda x: mi.Float64(kit.Float(x))) if kit.jit else (float, lambda x: float(np.float32(x)))
     grain_um = double(np.float32(grain_um).item())
 

@@ -1,11 +1,11 @@
 """The way of a line through a fabric and the light of the plies on it, in Dr.Jit (``src/fabric/bsdf.rs``, ``at.rs``).
 
 A walk finds what does not depend on the direction of the light: the plies that the line comes near, what passes them, what they send to other yarns. It keeps of each ply its
-yarn and its place on the line, a few at most, and draws one of them for a sample. A second loop adds up their light in as many directions as are asked for at once, so that what is
-interpolated at a ply is interpolated once.
+yarn and its place on the line, a few at most, and draws one of them for a sample. A second loop adds up their light in all directions of a call at once, so that each ply is
+interpolated once.
 
-Mitsuba 3.9 does not hand ``eval_pdf_sample`` on to plugins in Python: it calls ``eval_pdf`` and then ``sample``, of the same point. So what was found for one point stays until the
-next is asked for, while kernels are recorded; it is known again by the variables that describe it.
+Mitsuba 3.9 does not hand ``eval_pdf_sample`` on to plugins in Python: it calls ``eval_pdf`` and then ``sample``, of the same point. So the walk of one point stays until the
+walk of the next, while kernels are recorded; the variables that describe a point identify it.
 """
 
 import drjit as dr
@@ -35,7 +35,8 @@ def walked(self, si, active, is_last=False):
     last, self.last = self.last, None
     at = last[2] if last is not None and last[0] == key else walk(self, si, active)
     if not is_last and not dr.grad_enabled(at["up"], at["down"], self.um_per_uv, *(x for x in at["own"] if x is not None)):
-        # What has gradients is not kept. The variables are kept too, so that their numbers are not given to others.
+        # Results with gradients are not kept. The variables are kept too, so that their numbers are not
+        # reused.
         self.last = (key, variables, at)
     return at
 
@@ -63,7 +64,8 @@ def walk(self, si, active):
         active = kit.both(active, share < 1.0)
     detach = dr.detach if kit.jit else (lambda x: x)
     wo = [detach(x) for x in self.to_pattern(si, si.wi)]
-    # Where the scale of uv has gradients, the walk is followed without any, and what it keeps is evaluated again.
+    # Where the scale of uv has gradients, the walk is followed without any, and the plies that it keeps are
+    # evaluated again.
     is_moved = kit.jit and dr.grad_enabled(self.um_per_uv)
     start, d, state = cloth.begin(self.place(si), wo, active)
     moved, given = start, detached(own) if is_moved else own
@@ -74,14 +76,15 @@ def walk(self, si, active):
         "state": state,
         "passing": kit.float(1.0),
         "others": kit.uint(0),
-        # What is kept of each ply: its yarn, where on the line, how much light comes to it, the mean energy that it scatters; how many, and which is the last of those that
-        # are told apart.
+        # Kept for each ply: its yarn, its place on the line, the light that arrives, the mean energy that it
+        # scatters; the number of plies, and the last of those that are distinguished.
         "kept": {key: [kit.int(NO_YARN) if key == "yarn" else zero] * KEPT for key in ("yarn", "place", "arrives", "weight")},
         "count": kit.uint(0),
         "last_kept": kit.uint(KEPT),
         "classes": [kit.zero_s() for _ in range(CLASSES)],
         "plies": kit.zero_s(),
-        # The ply that the line meets: whether there is one, theta_i, h, model, axes x and z; the yarns that dye the light between yarns.
+        # The ply that the line hits: whether there is one, theta_i, h, model, axes x and z; the yarns that
+        # dye the light between yarns.
         "main": {"is": kit.bool(False), "q": [zero] * 8, "model": kit.uint(0)},
         "dyed": {"is": kit.bool(False), "yarns": [kit.int(0), kit.int(0)]},
         # The last of the plies beside it, of which those beyond scatter more.

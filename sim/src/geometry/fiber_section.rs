@@ -1,4 +1,4 @@
-//! One fiber in the plane of the ply's cross section: its outline, where it lies and how it is turned.
+//! One fiber in the plane of the ply's cross section: its outline, position and turn.
 
 use crate::geometry::outline::{Outline, Runs, edges, segments_cross};
 use nalgebra::{Rotation2, Vector2};
@@ -14,7 +14,7 @@ pub struct FiberSection {
     pub outer: Outline,
     /// Wall of the hollow core, strictly within the outer one and in the same frame.
     pub lumen: Option<Outline>,
-    /// Whether it is of the second kind of a blend.
+    /// Whether the fiber is of the second kind of a blend.
     pub second: bool,
 }
 
@@ -35,8 +35,7 @@ impl FiberSection {
     }
 
     /// Least distance between the outer walls of two fibers [um]; negative, by the depth of the deepest
-    /// vertex, when they overlap.
-    /// Exact for the outlines as held.
+    /// vertex, when they overlap. Exact for the stored outlines.
     pub fn min_distance(&self, other: &FiberSection) -> f64 {
         let apart = (self.center_um - other.center_um).norm();
         match (&self.outer, &other.outer) {

@@ -9,7 +9,7 @@ use crate::geometry::section::PlySection;
 use nalgebra::{Rotation2, Vector2};
 use std::io::{self, Write};
 
-/// Most vertices of a mesh; steps are made longer rather than pass it.
+/// Largest number of vertices of a mesh; longer steps keep to it.
 const MAX_VERTICES: usize = 1 << 28;
 
 /// Triangles of a ply. Normals, by the right-hand rule, point out of the fibers' material.
@@ -24,9 +24,9 @@ pub struct TriMesh {
 }
 
 impl TriMesh {
-    /// Sweep `section` from `z0_um` to `z1_um` with `outline_points` (8 or more) around each wall and layers
-    /// at most `step_um` apart. Empty unless `z1_um > z0_um`. Outlines become inscribed polygons: relative
-    /// loss of a circle's area `6.6 / points^2`.
+    /// Sweeps `section` from `z0_um` to `z1_um` with `outline_points` (8 or more) around each wall and layers
+    /// at most `step_um` apart. Empty unless `z1_um > z0_um`. Outlines become inscribed polygons with a
+    /// relative loss of a circle's area of `6.6 / points^2`.
     pub fn sweep(section: &PlySection, z0_um: f64, z1_um: f64, outline_points: usize, step_um: f64) -> TriMesh {
         let mut mesh = TriMesh::default();
         let length = z1_um - z0_um;
@@ -85,7 +85,7 @@ impl TriMesh {
                     let low = k * per_layer + l * n;
                     let (a, b) = (low + i, low + (i + 1) % n);
                     let (c, d) = (a + per_layer, b + per_layer);
-                    // The lumen's material lies outside of its ring: its triangles turn the other way.
+                    // The material lies outside of the lumen's ring, so its triangles turn the other way.
                     let (a, b, c, d) = if l == 0 { (a, b, c, d) } else { (b, a, d, c) };
                     push(a, b, d, wall);
                     push(a, d, c, wall);
@@ -115,10 +115,10 @@ impl TriMesh {
         six / 6.0
     }
 
-    /// Write as Wavefront OBJ, one group per wall, for viewers.
+    /// Writes the mesh as Wavefront OBJ, one group per wall, for viewers.
     ///
     /// # Errors
-    /// Those of the writer.
+    /// Errors of the writer.
     pub fn write_obj(&self, out: &mut impl Write) -> io::Result<()> {
         for [x, y, z] in &self.vertices {
             writeln!(out, "v {x} {y} {z}")?;
@@ -156,19 +156,18 @@ fn triangulate_annulus(outer: &[Vector2<f64>], lumen: &[Vector2<f64>]) -> Vec<[u
     triangulate(&points, around_outer.chain(around_lumen).collect())
 }
 
-/// Triangles of the counterclockwise polygon of `corners`, by ear clipping. A corner may come twice, at the
+/// Triangles of the counterclockwise polygon of `corners`, by ear clipping. A corner may occur twice, at the
 /// ends of a bridge.
 fn triangulate(points: &[Vector2<f64>], mut corners: Vec<usize>) -> Vec<[usize; 3]> {
     let mut triangles = Vec::with_capacity(corners.len());
     let mut at = 0;
     let mut refused = 0;
-    // Height over the base of the ears to cut: slivers are left for last, as they may turn over in f32.
+    // Height over the base of the ears to cut. Slivers are cut last, as they may turn over in f32.
     let mut height = 0.1;
     while corners.len() > 3 {
         let n = corners.len();
         let ear = [corners[at % n], corners[(at + 1) % n], corners[(at + 2) % n]];
-        // Once even points in line, to rounding, are all that is left, any corner is cut: the surface stays
-        // closed.
+        // Once only points in line (to rounding) remain, any corner is cut: the surface stays closed.
         if height < 1e-13 || is_ear(points, &corners, ear, height) {
             triangles.push(ear);
             corners.remove((at + 1) % n);
@@ -213,7 +212,7 @@ mod tests {
         triangles.iter().map(one).sum()
     }
 
-    /// No triangle turned over and the areas sum to the polygon's: the triangles do not overlap.
+    /// No triangle turns over and the areas sum to the polygon's, so the triangles do not overlap.
     #[test]
     fn caps_cover_a_comb_exactly() {
         let mut comb: Vec<_> = (0..6)

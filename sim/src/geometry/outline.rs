@@ -1,7 +1,7 @@
 //! Closed outlines of fiber cross sections: distance, area, curvature, resampling.
 //!
-//! A circle is kept as such; everything else is a dense polyline whose vertices lie on the smooth outline.
-//! All measures of a polyline are exact for the polyline itself, by brute force over its edges.
+//! A circle is stored as such; every other outline is a dense polyline whose vertices lie on the smooth
+//! outline. All measures of a polyline are exact for the polyline itself, by brute force over its edges.
 
 use nalgebra::Vector2;
 use std::f64::consts::TAU;
@@ -79,7 +79,7 @@ impl Outline {
         }
     }
 
-    /// Radius of the smallest circle about the frame's origin that holds the outline [um].
+    /// Radius of the smallest circle about the frame's origin that contains the outline [um].
     pub fn bounding_radius(&self) -> f64 {
         match self {
             Outline::Circle { radius_um } => *radius_um,
@@ -185,7 +185,7 @@ fn crosses_ray(p: Vector2<f64>, a: Vector2<f64>, b: Vector2<f64>) -> bool {
 
 /// Whether two closed segments intersect.
 pub(crate) fn segments_cross(a: Vector2<f64>, b: Vector2<f64>, c: Vector2<f64>, d: Vector2<f64>) -> bool {
-    // The boxes first: of segments in one line, rounding may put the ends on either side.
+    // Test the boxes first: for segments in one line, rounding may put the ends on either side.
     let apart = |a: f64, b: f64, c: f64, d: f64| a.min(b) > c.max(d) || c.min(d) > a.max(b);
     if apart(a.x, b.x, c.x, d.x) || apart(a.y, b.y, c.y, d.y) {
         return false;
@@ -196,7 +196,7 @@ pub(crate) fn segments_cross(a: Vector2<f64>, b: Vector2<f64>, c: Vector2<f64>, 
     s1 * s2 <= 0.0 && s3 * s4 <= 0.0
 }
 
-/// The edges of a closed polyline in short runs, each with a circle that holds it: quick exact distances.
+/// The edges of a closed polyline in short runs, each with a bounding circle, for quick exact distances.
 pub(crate) struct Runs<'a> {
     points: &'a [Vector2<f64>],
     bounds: Vec<(Vector2<f64>, f64)>,

@@ -1,15 +1,14 @@
 //! Hard-particle Monte Carlo packing of fiber outlines in a circular or elliptical ply.
 //!
-//! The fibers start apart in a ply that is too large. Random moves and turns are accepted only while every
-//! gap is kept, and after each sweep the arrangement is compressed as far as the gaps allow, until all fibers
-//! lie within the ply.
-//! Further sweeps at that size forget the way there, and hold the radial density that is asked for
-//! (`radial.rs`); without one, hard particles at equilibrium fill their container evenly and line its wall.
-//! At no moment do two fibers overlap. (Yu 2025, 4.1, only says that cross sections are "generated and
+//! The fibers start apart in a ply that is too large. Random moves and turns are accepted only if they keep
+//! every gap. After each sweep the arrangement is compressed as far as the gaps allow, until all fibers lie
+//! within the ply. Further sweeps at that size randomize the arrangement at the target radial density
+//! (`radial.rs`); without a target, hard particles at equilibrium fill their container evenly and line its
+//! wall. Two fibers never overlap. (Yu 2025, 4.1, only says that cross sections are "generated and
 //! clustered".)
 //!
-//! Outlines other than circles are tested through a grid of exact signed distances in the fiber's frame, with
-//! the error of the grid measured and added to the gap; the packed section is then checked against the exact
+//! Outlines other than circles are tested through a grid of exact signed distances in the fiber's frame, and
+//! the measured error of the grid is added to the gap. The packed section is then checked with the exact
 //! outlines.
 
 use crate::error::SimError;
@@ -22,29 +21,29 @@ use plywave::spec::{Packing, YarnSpec};
 use rand::{Rng, RngExt};
 use std::f64::consts::{PI, TAU};
 
-/// New starts before giving up; a jam at one start is often free at the next.
+/// Number of starts before giving up; a jam at one start is often free at the next.
 const STARTS: usize = 4;
-/// A jam at this scale is not undone by another start: starts differ by about 0.01.
+/// Scale of a jam beyond which another start does not help: starts differ by about 0.01.
 const HOPELESS: f64 = 1.03;
-/// Most sweeps of compression per start.
+/// Largest number of compression sweeps per start.
 const MAX_SWEEPS: usize = 6000;
-/// Compression is given up when this many sweeps shrink the ply by less than [`STALL`].
+/// Compression stops when this many sweeps shrink the ply by less than [`STALL`].
 const STALL_SWEEPS: usize = 400;
 /// Relative shrinkage below which compression counts as jammed.
 const STALL: f64 = 1e-3;
 /// Sweeps at the final size; with steps near a third of a gap, tens of sweeps carry a fiber past its
 /// neighbors.
 const MIX_SWEEPS: usize = 150;
-/// The same where a radial density is held: two thirds of them on the way there.
+/// Sweeps at the final size with a target radial density: two thirds of them approach it.
 const RADIAL_SWEEPS: usize = 600;
-/// Densest packing of equal discs in the plane; above it no start is tried.
+/// Filled fraction of the densest packing of equal discs in the plane; above it no start is tried.
 const HEXAGONAL: f64 = 0.9069;
 /// Cells across the grid of signed distances.
 const CELLS: usize = 72;
-/// Most outline points tested per pair.
+/// Largest number of outline points tested per pair.
 const PROBES: usize = 96;
 
-/// Place and turn `fibers` within the ply.
+/// Places and turns `fibers` within the ply.
 pub(crate) fn pack<R: Rng>(fibers: &mut [FiberSection], spec: &YarnSpec, rng: &mut R) -> Result<(), SimError> {
     let ply = &spec.ply;
     let radii = ply.radii_um.unwrap_or([ply.radius_um.unwrap_or(0.0); 2]);
@@ -86,7 +85,7 @@ pub(crate) fn pack<R: Rng>(fibers: &mut [FiberSection], spec: &YarnSpec, rng: &m
             }
         }
     }
-    // Where no start was tried: random compression of discs jams near 0.8, that of other outlines earlier.
+    // If no start was tried: random compression jams near 0.8 for discs, earlier for other outlines.
     let least_scale = if reached.is_finite() { reached } else { (with_gap / container / 0.75).sqrt() };
     Err(SimError::CannotPack {
         key: if ply.radii_um.is_some() { "ply.radii_um" } else { "ply.radius_um" },
@@ -149,9 +148,9 @@ struct Pose {
 
 /// One outline, prepared for fast tests.
 struct Body {
-    /// Circle about the center that holds the outline.
+    /// Circle about the center that contains the outline.
     bound: f64,
-    /// Circle about the center that the outline holds.
+    /// Circle about the center within the outline.
     core: f64,
     form: Form,
 }
@@ -175,7 +174,7 @@ impl Body {
                 let stride = points.len().div_ceil(PROBES);
                 let probes: Vec<_> = points.iter().copied().step_by(stride).collect();
                 let grid = DistanceGrid::new(outline, points, bound, gap);
-                // How far the outline bulges past the polygon of the probes.
+                // Distance by which the outline bulges past the polygon of the probes.
                 let coarse = Outline::Polyline(probes.clone());
                 let bulge = points.iter().map(|&p| coarse.signed_distance(p)).fold(0.0, f64::max);
                 let runs = Runs::new(points);
@@ -258,7 +257,7 @@ impl DistanceGrid {
         for j in 0..=CELLS {
             for i in 0..=CELLS {
                 let p = Vector2::new(node(i), node(j));
-                // The neighbor's distance is off by one spacing at most, and no wall lies between if it is
+                // The neighbor's distance differs by one spacing at most, and no wall lies between if it is
                 // larger than that.
                 let last = if i > 0 { values.last().copied() } else { None };
                 let distance = runs.distance(p, last.map_or(f64::INFINITY, |d| d.abs() + 1.001 / per_um));
@@ -269,7 +268,7 @@ impl DistanceGrid {
         DistanceGrid { values, half, per_um }
     }
 
-    /// Distance at `p`; outside the grid that of the nearest point of the grid's border, which is not more.
+    /// Distance at `p`; outside the grid, the distance at the nearest point of its border, a lower bound.
     fn at(&self, p: Vector2<f64>) -> f64 {
         let cell = |x: f64| axis::cell((x + self.half) * self.per_um, CELLS + 1);
         let ((i, s), (j, t)) = (cell(p.x), cell(p.y));
@@ -287,7 +286,7 @@ struct State {
     poses: Vec<Pose>,
     radii: [f64; 2],
     gap: f64,
-    /// Of each fiber: how far it may be turned [rad].
+    /// Standard deviation of each fiber's turn [rad].
     angle_sd: Vec<Option<f64>>,
     /// Largest move per axis [um], tuned to accept about 40 %.
     step: f64,
@@ -320,7 +319,7 @@ impl State {
         }
     }
 
-    /// Place the fibers at random in a ply wide enough for their bounding circles; false when that fails.
+    /// Places the fibers at random in a ply wide enough for their bounding circles; false when that fails.
     fn start<R: Rng>(&mut self, angles: impl Iterator<Item = f64>, rng: &mut R) -> bool {
         let n = self.bodies.len();
         let widest = self.bodies.iter().map(|b| b.bound).fold(0.0, f64::max);
@@ -357,12 +356,13 @@ impl State {
         false
     }
 
-    /// Scale of the ply that just holds all fibers.
+    /// Least scale of the ply that contains all fibers.
     fn scale(&self) -> f64 {
         self.bodies.iter().zip(&self.poses).map(|(b, p)| b.extent(p, self.radii)).fold(0.0, f64::max)
     }
 
-    /// Shrink the arrangement until it fits the ply or jams; the scale reached, 1 or less when it fits.
+    /// Shrinks the arrangement until it fits the ply or jams. Returns the final scale, 1 or less when it
+    /// fits.
     fn compress<R: Rng>(&mut self, rng: &mut R) -> f64 {
         let mut shrink = 0.05;
         let mut scale = self.scale();
@@ -388,7 +388,7 @@ impl State {
         scale
     }
 
-    /// Draw all centers towards the axis by `factor`, unless a gap would be lost.
+    /// Moves all centers towards the axis by `factor`, unless a gap would be lost.
     fn squeeze(&mut self, factor: f64) -> bool {
         let closer: Vec<Pose> = self.poses.iter().map(|p| Pose { center: p.center * factor, ..*p }).collect();
         let free = (0..closer.len())
@@ -411,7 +411,7 @@ impl State {
             let angle = match (&body.form, self.angle_sd[i]) {
                 (Form::Disc, _) => old.angle,
                 (_, None) => old.angle + turn,
-                // Turns of a given spread: a Metropolis step that keeps their normal distribution.
+                // For turns of a given spread, a Metropolis step keeps their normal distribution.
                 (_, Some(sd)) => {
                     let new = old.angle + turn;
                     let gain = (old.angle.powi(2) - new.powi(2)) / (2.0 * sd * sd).max(f64::MIN_POSITIVE);

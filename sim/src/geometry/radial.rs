@@ -1,38 +1,38 @@
-//! How densely the fibers lie between a ply's axis and its surface.
+//! Radial density of the fibers in a ply.
 //!
 //! Hard particles at equilibrium line the wall of their container; a ply has no wall. Cross sections of spun
 //! yarns are densest in the inner part, fall towards the surface and end there with a ragged rim (Hickie and
 //! Chaikin 1974; Neckar and Ibrahim 2003; docs/explain/papers.md, departure 20). With the ply scaled to the
-//! unit disc, the filled fraction asked for is
+//! unit disc, the target filled fraction is
 //!
 //! ```text
 //! d(r) = d0 (1 - r^m),   d0 = (1 + 2/m) phi,   share of the fibers within r:  A(r) = ((m + 2) r^2 - 2 r^(m + 2)) / m
 //! ```
 //!
-//! phi the filled fraction of the whole ply. m is 2, a parabola, where the middle then holds no more than
-//! discs or other outlines pack at random, and else what makes the middle that dense: loose plies fall all
-//! the way, tight ones have a dense core and a thin rim.
+//! where phi is the filled fraction of the whole ply. m is 2, a parabola, if the middle is then no denser
+//! than random packings of the outlines; else m gives the middle that density. The density of loose plies
+//! falls all the way; tight plies have a dense core and a thin rim.
 //!
 //! The packing's trial moves are accepted by the Metropolis rule for the energy
-//! `sum_k (A_k - A(r_k))^2 / (2 tau^2)` over rings r_k, A_k the share within. Fibers count as discs of their
-//! area.
+//! `sum_k (A_k - A(r_k))^2 / (2 tau^2)` over rings r_k, where A_k is the share within. Fibers count as discs
+//! of their area.
 
 use nalgebra::Vector2;
 use std::f64::consts::PI;
 
-/// Rings at which the share is held.
+/// Rings at which the share is controlled.
 const RINGS: usize = 12;
-/// Standard deviation of the share within a ring, at the end and at the start of the way there.
+/// Standard deviation tau of the share within a ring, at the end and at the start.
 const TAU_END: f64 = 0.015;
 const TAU_START: f64 = 0.2;
-/// Densest middle of random packings: discs end at 0.82 (Berryman 1983, Phys. Rev. A 27, 1053); what other
-/// outlines reach is chosen.
+/// Densest middle of random packings: discs end at 0.82 (Berryman 1983, Phys. Rev. A 27, 1053); the value for
+/// other outlines is a choice.
 const CORE_DISCS: f64 = 0.82;
 const CORE_OTHERS: f64 = 0.72;
-/// Exponents of the profile.
+/// Range of the profile's exponent.
 const MIN_EXPONENT: f64 = 2.0;
 const MAX_EXPONENT: f64 = 40.0;
-/// Fewer fibers have no density to speak of.
+/// Least number of fibers with a radial density.
 pub(super) const MIN_FIBERS: usize = 4;
 
 /// Exponent m of the profile of a ply whose fibers fill the fraction `phi`, `discs` or others.
@@ -43,7 +43,7 @@ pub(super) fn exponent(phi: f64, discs: bool) -> f64 {
     m.clamp(MIN_EXPONENT, MAX_EXPONENT)
 }
 
-/// Share of the fibers within r of 1.
+/// Target share of the fibers within r, 0 to 1.
 pub(super) fn asked(r: f64, m: f64) -> f64 {
     let r = r.clamp(0.0, 1.0);
     ((m + 2.0) * r * r - 2.0 * r.powf(m + 2.0)) / m
@@ -52,7 +52,7 @@ pub(super) fn asked(r: f64, m: f64) -> f64 {
 /// The running shares of an arrangement.
 pub(super) struct Radial {
     radii: [f64; 2],
-    /// Radius of each fiber's disc in the scaled ply, and its share of all area.
+    /// Radius of each fiber's disc in the scaled ply, and its share of the total area.
     discs: Vec<(f64, f64)>,
     wanted: [f64; RINGS],
     held: [f64; RINGS],
@@ -62,7 +62,7 @@ pub(super) struct Radial {
 }
 
 impl Radial {
-    /// Of fibers of these areas [um^2] in a ply of these semi-axes.
+    /// State for fibers of these areas [um^2] in a ply of these semi-axes.
     pub fn new(areas: &[f64], radii: [f64; 2], discs: bool) -> Radial {
         let (all, ply) = (areas.iter().sum::<f64>(), PI * radii[0] * radii[1]);
         let m = exponent(all / ply, discs);
@@ -76,7 +76,7 @@ impl Radial {
         }
     }
 
-    /// Counts an arrangement anew; `progress` from 0 to 1 says how strictly the shares are held.
+    /// Counts an arrangement anew; `progress` from 0 to 1 sets how strictly the shares are kept.
     pub fn count(&mut self, centers: impl Iterator<Item = Vector2<f64>>, progress: f64) {
         let tau = TAU_START * (TAU_END / TAU_START).powf(progress.clamp(0.0, 1.0));
         self.weight = 0.5 / (tau * tau);
@@ -87,14 +87,14 @@ impl Radial {
         }
     }
 
-    /// What fiber `i` at `center` adds to the shares.
+    /// Contribution of fiber `i` at `center` to the shares.
     fn part(&self, i: usize, center: Vector2<f64>) -> [f64; RINGS] {
         let from_axis = (center.x / self.radii[0]).hypot(center.y / self.radii[1]);
         let (radius, share) = self.discs[i];
         std::array::from_fn(|k| share * disc_within(from_axis, radius, ring(k)))
     }
 
-    /// Energy gained when fiber `i` moves to `center`, and what it then adds.
+    /// Energy gained when fiber `i` moves to `center`, and its new contribution.
     pub fn gain(&self, i: usize, center: Vector2<f64>) -> (f64, [f64; RINGS]) {
         let part = self.part(i, center);
         let gain = (0..RINGS).map(|k| {
@@ -105,7 +105,7 @@ impl Radial {
         (self.weight * gain.sum::<f64>(), part)
     }
 
-    /// Fiber `i` now adds `part`.
+    /// Sets the contribution of fiber `i`.
     pub fn set(&mut self, i: usize, part: [f64; RINGS]) {
         for k in 0..RINGS {
             self.held[k] += part[k] - self.parts[i][k];
@@ -114,7 +114,7 @@ impl Radial {
     }
 }
 
-/// Radius of ring `k`; the last lies within the surface, where all is held.
+/// Radius of ring `k`; the last ring lies within the surface, which contains all fibers.
 fn ring(k: usize) -> f64 {
     (k as f64 + 1.0) / (RINGS as f64 + 1.0)
 }
@@ -130,7 +130,7 @@ fn disc_within(d: f64, b: f64, r: f64) -> f64 {
     if d + r <= b {
         return (r / b).powi(2);
     }
-    // The lens of two circles.
+    // Lens of two circles.
     let angle = |own: f64, other: f64| ((d * d + own * own - other * other) / (2.0 * d * own)).clamp(-1.0, 1.0).acos();
     let (x, y) = (angle(b, r), angle(r, b));
     let lens = b * b * (x - x.sin() * x.cos()) + r * r * (y - y.sin() * y.cos());

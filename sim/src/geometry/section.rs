@@ -17,14 +17,14 @@ use std::f64::consts::TAU;
 pub struct PlySection {
     /// The fibers.
     pub fibers: Vec<FiberSection>,
-    /// Radius of the smallest circle about the axis that holds all fibers [um].
+    /// Radius of the smallest circle about the axis that contains all fibers [um].
     pub bound_radius_um: f64,
     /// Turn per length, `2 pi / pitch` [rad/um]: positive for Z twist, negative for S, 0 for parallel fibers.
     pub twist_per_um: f64,
 }
 
 impl PlySection {
-    /// Draw the fibers of `spec` and pack them. The same seed gives the same section.
+    /// Draws the fibers of `spec` and packs them. The same seed gives the same section.
     ///
     /// # Errors
     /// [`SimError::CannotPack`] when the fibers do not fit within the ply, [`SimError::BadOutline`] for a
@@ -48,13 +48,13 @@ impl PlySection {
         z_um * self.twist_per_um
     }
 
-    /// Chance that the line x = `h_um[n]` meets a fiber when the section is turned at random: mean over
-    /// `turns` even turns.
+    /// Probability that the line x = `h_um[n]` hits a fiber of a randomly turned section: mean over `turns`
+    /// even turns.
     pub fn chance_to_meet(&self, h_um: &[f64], turns: usize) -> Vec<f64> {
         let mut met = vec![0usize; h_um.len()];
         for k in 0..turns {
             let (sin, cos) = (TAU * (k as f64 + 0.5) / turns as f64).sin_cos();
-            // A fiber covers one stretch of lines.
+            // A fiber covers one interval of lines.
             let stretches: Vec<(f64, f64)> = self
                 .fibers
                 .iter()
@@ -77,7 +77,7 @@ impl PlySection {
         met.into_iter().map(|n| n as f64 / turns.max(1) as f64).collect()
     }
 
-    /// Least gap between any two fibers [um], infinite for fewer than two. Exact for the outlines as held.
+    /// Least gap between any two fibers [um], infinite for fewer than two. Exact for the stored outlines.
     pub fn min_gap_um(&self) -> f64 {
         let mut least = f64::INFINITY;
         for (i, a) in self.fibers.iter().enumerate() {
@@ -92,9 +92,8 @@ impl PlySection {
     }
 }
 
-/// Which fibers are of the second kind: of n fibers at a share s, n s of them and at random one more or less,
-/// so that the mean over sections is the share.
-/// Nothing is drawn where there is one kind.
+/// Chooses the fibers of the second kind: for n fibers and a share s, n s rounded up or down at random, so
+/// that the mean over sections is the share. A ply of one kind draws no random numbers.
 fn which_second<R: Rng>(spec: &YarnSpec, rng: &mut R) -> Vec<usize> {
     let Some(blend) = &spec.blend else { return Vec::new() };
     let count = spec.ply.fibers as usize;

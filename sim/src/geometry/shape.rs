@@ -1,10 +1,9 @@
 //! Fiber outlines drawn at random from the spec's shape and jitter.
 //!
 //! Every outline is smooth, simple, counterclockwise and centered on its centroid; vertices lie on the smooth
-//! curve.
-//! Curves are given by a parameter or, for polygons, by lines and arcs; both are sampled evenly in arc
-//! length, more densely where they bend sharply. Not modeled: variation along the fiber (the section is the
-//! same at every height).
+//! curve. Curves are parametric or, for polygons, of lines and arcs; both are sampled evenly in arc length,
+//! more densely where they bend sharply. Not modeled: variation along the fiber (the section is the same at
+//! every height).
 
 use crate::error::SimError;
 use crate::geometry::fiber_section::FiberSection;
@@ -14,24 +13,24 @@ use plywave::spec::{FiberSpec, Shape};
 use rand::{Rng, RngExt};
 use std::f64::consts::{PI, TAU};
 
-/// Fewest points of a polyline.
+/// Least number of points of a polyline.
 const MIN_POINTS: usize = 192;
-/// Most points of a polyline.
+/// Largest number of points of a polyline.
 const MAX_POINTS: usize = 1024;
-/// Largest turn from edge to edge [rad], while the most points allow it.
+/// Largest turn from edge to edge [rad], up to [`MAX_POINTS`].
 const MAX_TURN: f64 = 0.2;
 /// Power of the kidney's dent: its half width is about 0.4 of the half width of the fiber.
 const DENT_POWER: i32 = 10;
 /// Bend of the kidney's midline at its ends, per depth of the dent.
 const KIDNEY_BEND: f64 = 0.5;
-/// Height of the lumen relative to a lumen of the outline's own proportions: cotton collapses when it dries.
+/// Height of the lumen relative to one of the outline's own proportions: cotton collapses when it dries.
 const LUMEN_FLATNESS: f64 = 0.45;
 /// Mean depth of the teeth of a serrated outline, relative to the spec's.
 pub(crate) const MEAN_TOOTH: f64 = 0.7;
-/// Redraws of a random polygon until its rounding fits.
+/// Largest number of redraws of a random polygon until its rounding fits.
 const REDRAWS: usize = 64;
 
-/// Draw one fiber at the origin.
+/// Draws one fiber at the origin.
 pub(crate) fn draw<R: Rng>(spec: &FiberSpec, rng: &mut R) -> Result<FiberSection, SimError> {
     let size = (1.0 + spec.size_jitter * normal3(rng)).max(0.2);
     let angle_rad = match spec.angle_jitter_rad {
@@ -75,7 +74,7 @@ pub(crate) fn draw<R: Rng>(spec: &FiberSpec, rng: &mut R) -> Result<FiberSection
         Shape::Polygon { points_um, rounding_um, .. } => {
             let (x, y) = stretched(size, size, jitter, rng);
             let scaled = |x, y| points_um.iter().map(|p| Vector2::new(x * p[0], y * p[1])).collect();
-            // Stretched, an edge may have no room left for its arcs; the polygon as given has.
+            // A stretched edge may be too short for its arcs; the polygon as given has room.
             let outline = rounded_polygon(scaled(x, y), size * rounding_um);
             (outline.or_else(|_| rounded_polygon(scaled(size, size), size * rounding_um))?, None)
         }
@@ -118,7 +117,7 @@ fn shifted(outline: Outline, by: Vector2<f64>) -> Outline {
     }
 }
 
-/// Points that a length with this least radius of curvature needs.
+/// Number of points for a length with this least radius of curvature.
 fn point_count(length: f64, least_radius: f64) -> usize {
     ((length / (MAX_TURN * least_radius)).ceil() as usize).clamp(MIN_POINTS, MAX_POINTS)
 }
@@ -221,7 +220,7 @@ fn stone<R: Rng>(radius: f64, corners: u32, rounding: f64, jitter: f64, rng: &mu
             .collect();
         let mut scale = radius;
         let mut rounded = None;
-        // The rounding takes area that depends on the scale: a few steps settle both.
+        // The rounding removes area that depends on the scale: a few steps solve for both.
         for _ in 0..12 {
             let corners: Vec<_> = sharp.iter().map(|p| p * scale).collect();
             rounded = rounded_convex(&corners, rounding);
@@ -339,7 +338,7 @@ fn rounded_convex(corners: &[Vector2<f64>], rounding: f64) -> Option<Outline> {
     Some(sample(&pieces, rounding))
 }
 
-/// Any simple polygon with an arc at each corner, reflex ones included.
+/// A simple polygon with an arc at each corner, reflex ones included.
 pub(crate) fn rounded_polygon(mut corners: Vec<Vector2<f64>>, rounding: f64) -> Result<Outline, SimError> {
     if Outline::Polyline(corners.clone()).area() < 0.0 {
         corners.reverse();

@@ -7,9 +7,9 @@
 //! and power is conserved exactly.
 //!
 //! Power is traced, not radiance: there is no eta^2 factor. Heights are uniform in [-1, 1] and enter only
-//! through their cumulative distribution, here `c` in [0, 1]. The walk is kept in the frame of the medium the
-//! ray is in, with the outward side up: when it refracts, the frame is turned over (w -> -w, c -> 1 - c, eta
-//! -> 1/eta), which the symmetry of the height distribution allows.
+//! through their cumulative distribution, here `c` in [0, 1]. The walk is in the frame of the ray's medium,
+//! with the outward side up. When the ray refracts, the frame is turned over (w -> -w, c -> 1 - c, eta ->
+//! 1/eta), which the symmetry of the height distribution allows.
 
 use nalgebra::Vector3;
 use rand::{Rng, RngExt};
@@ -23,7 +23,7 @@ pub struct RoughDielectric {
     pub alpha: f32,
 }
 
-/// What a scattering event at the interface did.
+/// Result of a scattering event at the interface.
 #[derive(Clone, Copy, Debug)]
 pub struct Scattered {
     /// Propagation direction after the event, in the local frame (z along the normal, which points outside).
@@ -34,7 +34,7 @@ pub struct Scattered {
     pub order: u32,
 }
 
-/// Microfacet interactions after which a walk is given up; the path counts as killed.
+/// Microfacet interactions after which a walk stops; the path then counts as killed.
 pub(super) const MAX_ORDER: u32 = 512;
 
 /// Unpolarized Fresnel reflectance at a facet, and the cosine of the refracted ray; `cos_i >= 0`, `eta` =
@@ -51,10 +51,10 @@ pub fn fresnel(cos_i: f32, eta: f32) -> (f32, f32) {
 }
 
 impl RoughDielectric {
-    /// Scatter a ray that propagates along `dir` (local frame) and hits the interface from `outside` or from
+    /// Scatters a ray that propagates along `dir` (local frame) and hits the interface from `outside` or from
     /// inside.
     pub fn scatter<R: Rng>(&self, dir: Vector3<f32>, outside: bool, rng: &mut R) -> Scattered {
-        // Frame of the medium the ray comes from; `flipped` says that it is the inside's.
+        // Frame of the medium the ray comes from; `flipped` if that is the inside.
         let mut flipped = !outside;
         let mut w = if flipped { -dir } else { dir };
         let mut eta = if flipped { 1.0 / self.eta } else { self.eta };
@@ -88,8 +88,8 @@ impl RoughDielectric {
         Scattered { dir: if flipped { -w } else { w }, outside: !flipped, order }
     }
 
-    /// Reflect or refract `w` at a facet of normal `n` (n.w < 0); true when refracted. The frame is not
-    /// turned over.
+    /// Reflects or refracts `w` at a facet of normal `n` (n.w < 0); true when refracted. Does not turn the
+    /// frame over.
     #[inline(always)]
     fn facet<R: Rng>(&self, w: &mut Vector3<f32>, n: Vector3<f32>, eta: f32, rng: &mut R) -> bool {
         let cos_i = (-w.dot(&n)).max(0.0);
@@ -120,7 +120,7 @@ impl RoughDielectric {
             return Some(c * (1.0 - u));
         }
         if w.z.abs() < 1e-4 {
-            // A horizontal ray hits the surface where it is.
+            // A horizontal ray hits the surface at its own height.
             return Some(c);
         }
         let lambda = self.lambda(w);
@@ -182,7 +182,7 @@ mod tests {
         }
     }
 
-    /// At index 1 every facet passes the ray on unbent: whatever the roughness, it goes straight through.
+    /// At index 1 no facet bends the ray: whatever the roughness, it goes straight through.
     #[test]
     fn matched_index_changes_nothing() {
         let mut rng = Pcg64Mcg::seed_from_u64(1);

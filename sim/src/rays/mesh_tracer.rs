@@ -1,7 +1,7 @@
 //! Triangles in an obvhs BVH: the general tracer, for any sweep.
 //!
 //! The mesh covers one period of the screw and a margin beyond both ends; a ray that reaches the end of the
-//! period goes on at the other end, so that no path ever hits an end cap.
+//! period continues at the other end, so that no path hits an end cap.
 
 use crate::geometry::mesh::TriMesh;
 use crate::geometry::section::PlySection;
@@ -15,7 +15,7 @@ use obvhs::ray::{Ray, RayHit};
 use obvhs::triangle::Triangle;
 use std::time::Duration;
 
-/// How finely a mesh approximates the sweep.
+/// Resolution of a mesh.
 #[derive(Clone, Copy, Debug)]
 pub struct MeshResolution {
     /// Points around an outline.
@@ -25,16 +25,16 @@ pub struct MeshResolution {
 }
 
 impl Default for MeshResolution {
-    /// 96 facets turn a circle's normal by 3.75 degrees from one to the next, 1.1 degrees rms off the smooth
-    /// normal: little beside the 11 degrees of alpha 0.2.
+    /// 96 facets: a circle's normal turns by 3.75 degrees per facet and differs from the smooth normal by 1.1
+    /// degrees rms, small against the 11 degrees of alpha 0.2.
     fn default() -> Self {
         MeshResolution { outline_points: 96, step_um: 8.0 }
     }
 }
 
-/// Length of mesh of a ply without twist [um]; any will do.
+/// Mesh length of a ply without twist [um]; any length will do.
 const STRAIGHT_PERIOD_UM: f64 = 100.0;
-/// Wraps along z after which a march is given up.
+/// Wraps along z after which a ray counts as lost.
 const MAX_WRAPS: u32 = 10_000;
 
 /// BVH tracer of one ply instance.
@@ -48,7 +48,7 @@ pub struct MeshTracer {
 }
 
 impl MeshTracer {
-    /// Mesh a cross section and build its BVH.
+    /// Meshes a cross section and builds its BVH.
     pub fn new(section: &PlySection, resolution: MeshResolution) -> MeshTracer {
         let period = if section.twist_per_um == 0.0 {
             STRAIGHT_PERIOD_UM
@@ -97,8 +97,8 @@ impl Tracer for MeshTracer {
 
     fn trace(&self, pos: Vector3<f32>, dir: Vector3<f32>, medium: Medium) -> Trace {
         let half = 0.5 * self.period;
-        // Adding 0 turns -0 into 0: the BVH takes a ray's octant from the sign of its inverse in one place
-        // and of itself in another.
+        // Adding 0 turns -0 into 0: the BVH takes a ray's octant once from the sign of its inverse and once
+        // from its own sign.
         let d = Vec3A::new(dir.x, dir.y, dir.z) + Vec3A::ZERO;
         let mut z = pos.z - self.period * (pos.z / self.period).round();
         let mut done = 0.0f32;
@@ -124,8 +124,8 @@ impl Tracer for MeshTracer {
             let mut hit = RayHit::none();
             self.bvh.ray_traverse(ray, &mut hit, |ray, i| {
                 let (fiber, lumen) = (self.wall[i] >> 1, self.wall[i] & 1 == 1);
-                // Into the material: against the normal. Only the walls of the medium count, from the
-                // medium's side.
+                // A ray into the material goes against the normal. Only the walls of the medium count, from
+                // the medium's side.
                 let (wanted, into) = match medium {
                     Medium::Air => (!lumen, true),
                     Medium::Fiber(f) => (fiber == f, false),

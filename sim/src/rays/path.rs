@@ -16,7 +16,7 @@ pub enum PathEnd {
     Reflected {
         /// Direction of propagation.
         dir: Vector3<f32>,
-        /// A place on its last line [um].
+        /// A point on its last line [um].
         pos: Vector3<f32>,
         /// Wall interactions.
         interactions: u32,
@@ -25,11 +25,11 @@ pub enum PathEnd {
     High {
         /// Direction of propagation.
         dir: Vector3<f32>,
-        /// A place on its last line [um].
+        /// A point on its last line [um].
         pos: Vector3<f32>,
-        /// Length in the material, as it counts for absorption [um]: of a core and of a blend's second fibers
-        /// times their share of the dye, of an opaque fiber what its reflections stand for
-        /// (`plywave::fiber::reflections`).
+        /// Length in the material, as it counts for absorption [um]. In a core and in a blend's second fibers
+        /// it is multiplied by their share of the dye; for an opaque fiber it is the length that its
+        /// reflections stand for (`plywave::fiber::reflections`).
         length_um: f32,
         /// Wall interactions.
         interactions: u32,
@@ -38,11 +38,11 @@ pub enum PathEnd {
     Killed,
 }
 
-/// Wall interactions after which a path is killed. Smooth fibers guide light for long; rough ones never come
-/// near.
+/// Wall interactions after which a path is killed. Smooth fibers guide light for long; rough ones stay far
+/// below.
 pub const MAX_INTERACTIONS: u32 = 10_000;
 
-/// Trace one path from `pos` [um] outside the ply in unit direction `dir`.
+/// Traces one path from `pos` [um] outside the ply in unit direction `dir`.
 pub fn trace_path<T: Tracer + ?Sized, R: Rng>(
     tracer: &T,
     surface: &RoughDielectric,
@@ -54,7 +54,7 @@ pub fn trace_path<T: Tracer + ?Sized, R: Rng>(
     walk(|pos, dir, medium| tracer.trace(pos, dir, medium), |_| &surface, pos, dir, rng, |_, _, _| ())
 }
 
-/// The same among fibers of any kind.
+/// Traces one path among fibers of any kind.
 pub fn trace_path_among<T: Tracer + ?Sized, R: Rng>(
     tracer: &T,
     surfaces: &Surfaces,
@@ -66,9 +66,9 @@ pub fn trace_path_among<T: Tracer + ?Sized, R: Rng>(
     walk(|pos, dir, medium| tracer.trace(pos, dir, medium), surface, pos, dir, rng, |_, _, _| ())
 }
 
-/// The walk itself. `trace` answers for the next wall as a [`Tracer`] does, `surface` says what a fiber does
-/// to light, and `on_hit` is told of every wall that the path hits: its fiber, the length that counts for
-/// absorption since the last wall, 0 in air, and the place, which it may move to an equal one.
+/// Walks a path. `trace` finds the next wall as a [`Tracer`] does and `surface` gives a fiber's surface.
+/// `on_hit` is called at every wall that the path hits with its fiber, the length since the last wall that
+/// counts for absorption (0 in air), and the position, which it may move to an equivalent one.
 #[inline(always)]
 pub(crate) fn walk<'s, R: Rng>(
     trace: impl Fn(Vector3<f32>, Vector3<f32>, Medium) -> Trace,
@@ -102,7 +102,7 @@ pub(crate) fn walk<'s, R: Rng>(
         let n = hit.normal;
         let (t, b) = basis(n);
         // At a corner sharper than the geometry resolves, the normal can face away from a ray that passes the
-        // wall: it then counts as grazing, from the side of its medium.
+        // wall. The ray then counts as grazing, from the side of its medium.
         let z = dir.dot(&n).abs().max(1e-6);
         let local = Vector3::new(dir.dot(&t), dir.dot(&b), if outside { -z } else { z });
         let wall = if hit.lumen { &fiber.inner } else { &fiber.outer };

@@ -1,15 +1,16 @@
-//! The screw march: a rigid screw sweep is a 2D picture, `inside(x, y, z) = inside2D(Rot(-twist z)(x, y))`,
+//! The screw march. A rigid screw sweep is a 2D picture, `inside(x, y, z) = inside2D(Rot(-twist z)(x, y))`,
 //! so a ray is marched through signed distances of the cross section in the frame that turns with the fibers.
 //!
 //! In that frame a ray `p + s d` moves as `q(s) = Rot(-twist d_z s)(q0 + s d_xy)`, at a speed of at most
-//! `|d_xy| + |twist d_z| |q|`. Within the distance to the nearest wall, and so within `r + distance` of the
-//! axis, nothing can be hit, which bounds a safe step. Close to a wall the step is Newton's: along a line the
-//! distance to a convex outline is a convex function, so that Newton never passes it from the outside; where
-//! an outline is dented or the twist bends the line, a pass of the wall is seen by the sign and walked back.
+//! `|d_xy| + |twist d_z| |q|`. Nothing can be hit within the distance to the nearest wall, and so within
+//! `r + distance` of the axis, which bounds a safe step. Close to a wall the step is Newton's: along a line
+//! the distance to a convex outline is a convex function, so that Newton never passes it from the outside.
+//! Where an outline is dented or the twist bends the line, the sign shows that a step passed the wall, and
+//! the march goes back.
 //!
-//! The distance to the nearest fiber comes from one grid over the ply; near the walls its cells name the
-//! fibers to test for their exact distance: circles in closed form, all others by a grid of distance and
-//! gradient of their own.
+//! The distance to the nearest fiber comes from one grid over the ply. Near the walls its cells name the
+//! fibers whose exact distance is tested: circles in closed form, other outlines by their own grid of
+//! distance and gradient.
 
 use crate::geometry::outline::Outline;
 use crate::geometry::section::PlySection;
@@ -20,20 +21,19 @@ type V2 = Vector2<f32>;
 
 /// A wall counts as hit when it is closer than this [um]; smaller than the offset that paths start with.
 const HIT_UM: f32 = 2e-4;
-/// Steps after which a march is given up.
+/// Steps after which a march stops without a result.
 const MAX_STEPS: u32 = 20_000;
 /// Least step along dented walls and walls seen from inside, as motion in the turning frame [um].
 const MIN_STEP_UM: f32 = 0.2;
 /// Distance from a dented wall, or one seen from inside, within which Newton's step is taken, up to four safe
-/// steps long [um].
-/// It may pass the wall, which is seen; that it passes out and in again would take a dent thinner than what
-/// it overshoots.
+/// steps long [um]. The step may pass the wall, which the march detects. To pass out and in again undetected
+/// it would need a dent thinner than its overshoot.
 const NEWTON_WITHIN_UM: f32 = 1.0;
 /// Fibers that one cell of the ply's grid names.
 const NEAR: usize = 4;
-/// Marks an unused place in a cell.
+/// Marks an unused slot in a cell.
 const NONE: u8 = u8::MAX;
-/// Least free length [um] that a cell must leave before a fiber it does not name can count.
+/// Least free length [um] within which a cell must name every fiber that counts.
 const MIN_FREE_UM: f32 = 0.2;
 
 /// Signed distance and its gradient, negative inside, of one outline in the ply's frame.
@@ -79,9 +79,9 @@ struct DistanceGrid {
 }
 
 /// Bounds of the number of cells across an outline's grid. With 48 cells on a fiber of 15 um the bilinear
-/// error of the distance is 2 nm; more only cost cache.
+/// error of the distance is 2 nm; more cells only cost cache.
 const CELLS: (usize, usize) = (48, 96);
-/// Nodes along the side of a block that shares its choice of near edges.
+/// Nodes along the side of a block of nodes that share their near edges.
 const BLOCK: usize = 8;
 
 impl DistanceGrid {
@@ -126,8 +126,8 @@ impl DistanceGrid {
         DistanceGrid { origin: origin.cast(), inv_cell: (1.0 / cell) as f32, n, nodes, convex }
     }
 
-    /// Length along the line q + s v, from inside the outline, at which it is beyond the outline: in the
-    /// middle of the margin that the grid has about it, so that a path bent a little stays on the grid.
+    /// Length s at which the line q + s v, which starts inside the outline, is beyond it: in the middle of
+    /// the grid's margin, so that a slightly bent path stays on the grid.
     #[inline(always)]
     fn leave(&self, q: V2, v: V2) -> f32 {
         let size = (self.n - 1) as f32 / self.inv_cell;
@@ -154,7 +154,7 @@ impl DistanceGrid {
         };
         let g = V2::new(mix(1), mix(2));
         let g = g / g.norm().max(1e-6);
-        // Beyond the grid, the distance from its edge is a lower bound of what is added.
+        // Beyond the grid, the distance from its edge is a lower bound of the added distance.
         let beyond = (f - c).norm();
         let d = mix(0);
         if beyond > 2e-3 {
@@ -177,7 +177,8 @@ fn max_curvature(points: &[Vector2<f64>]) -> f64 {
         .fold(0.0, f64::max)
 }
 
-/// The point of edge `k` (from point k to the next) nearest to `q`, and its place along the edge in [0, 1].
+/// The point of edge `k` (from point k to the next) nearest to `q`, and its position along the edge in [0,
+/// 1].
 fn nearest_on_edge(points: &[Vector2<f64>], k: usize, q: Vector2<f64>) -> (Vector2<f64>, f64) {
     let (a, b) = (points[k], points[(k + 1) % points.len()]);
     let e = b - a;
@@ -185,9 +186,8 @@ fn nearest_on_edge(points: &[Vector2<f64>], k: usize, q: Vector2<f64>) -> (Vecto
     (a + e * t, t)
 }
 
-/// Signed distance (negative inside) to a counterclockwise polyline and its gradient, from the edges `near`
-/// that may be nearest.
-/// At a vertex the side is that of the mean of both edges' normals.
+/// Signed distance (negative inside) to a counterclockwise polyline and its gradient, from the candidate
+/// edges `near`. At a vertex the side is that of the mean of both edges' normals.
 fn signed_distance(points: &[Vector2<f64>], near: &[usize], q: Vector2<f64>) -> (f64, Vector2<f64>) {
     let m = points.len();
     let (mut best, mut place) = (f64::INFINITY, (0, 0.0, points[0]));
@@ -218,7 +218,7 @@ fn signed_distance(points: &[Vector2<f64>], near: &[usize], q: Vector2<f64>) -> 
 }
 
 /// A cell of the ply's grid: the nearest fibers, and the distance from any of its points within which no
-/// other counts.
+/// other fiber counts.
 #[derive(Clone, Copy)]
 struct Cell {
     free: f32,
@@ -238,8 +238,8 @@ pub struct ScrewTracer {
 }
 
 impl ScrewTracer {
-    /// Build the distance grids of a cross section. None when more fibers crowd round one spot than a cell
-    /// can name even on the finest grid; the mesh tracer is then the one to use.
+    /// Builds the distance grids of a cross section. None when more fibers crowd around one spot than a cell
+    /// can name even on the finest grid; use the mesh tracer then.
     pub fn new(section: &PlySection) -> Option<ScrewTracer> {
         if section.fibers.len() >= NONE as usize {
             return None;
@@ -260,7 +260,7 @@ impl ScrewTracer {
         [128, 256, 512, 1024].into_iter().any(|n| tracer.fill_cells(n)).then_some(tracer)
     }
 
-    /// Fill an n x n grid; false when a cell with air in it cannot name enough fibers.
+    /// Fills an n x n grid; false when a cell with air in it cannot name enough fibers.
     fn fill_cells(&mut self, n: usize) -> bool {
         let cell = 2.0 * self.bound / n as f32;
         let half_diagonal = std::f32::consts::FRAC_1_SQRT_2 * cell;
@@ -331,22 +331,22 @@ impl TurningRay {
     }
 }
 
-/// Length within which the distance to a convex outline, now `d` > 0 and changing by `slope` per length,
-/// stays positive when the path's acceleration is at most `bend`: the zero of d + slope s - bend s^2 / 2.
+/// Length within which the distance to a convex outline stays positive, for a distance `d` > 0 that changes
+/// by `slope` per length and a path's acceleration of at most `bend`: the zero of d + slope s - bend s^2 / 2.
 #[inline(always)]
 fn convex_step(d: f32, slope: f32, bend: f32) -> f32 {
     let root = (slope * slope + 2.0 * bend * d).sqrt();
     if slope < 0.0 { 2.0 * d / (root - slope) } else { (slope + root) / bend.max(1e-20) }
 }
 
-/// Step towards a wall that is dented, or seen from inside, at distance `d` > 0 changing by `slope`.
+/// Step towards a wall that is dented, or seen from inside, at a distance `d` > 0 that changes by `slope`.
 #[inline(always)]
 fn careful_step(d: f32, slope: f32, safe: f32, least: f32) -> f32 {
     let step = if slope < 0.0 && d < NEWTON_WITHIN_UM { (d / -slope).clamp(safe, 4.0 * safe) } else { safe };
     step.max(least)
 }
 
-/// A wall hit by the march: length, place and gradient in the turning frame.
+/// A wall hit by the march: length, position and gradient in the turning frame.
 struct WallHit {
     s: f32,
     q: V2,
@@ -356,9 +356,8 @@ struct WallHit {
 /// The march was given up.
 struct GivenUp;
 
-/// Place where the ray passes a wall between `good` (before it) and `bad` (behind it), by Newton kept within
-/// the bracket;
-/// `side` is -1 for a wall seen from inside.
+/// Length at which the ray passes a wall between `good` (before it) and `bad` (behind it), by Newton kept
+/// within the bracket; `side` is -1 for a wall seen from inside.
 fn crossing(ray: &TurningRay, wall: &Wall, side: f32, mut good: f32, mut bad: f32) -> WallHit {
     let mut s = bad;
     loop {
@@ -379,7 +378,7 @@ fn crossing(ray: &TurningRay, wall: &Wall, side: f32, mut good: f32, mut bad: f3
 }
 
 impl ScrewTracer {
-    /// March between the fibers; None when the ray leaves the ply.
+    /// Marches between the fibers; None when the ray leaves the ply.
     fn march_air(&self, ray: &TurningRay) -> Result<Option<(WallHit, u32)>, GivenUp> {
         let (mut s, mut before) = (0.0f32, 0.0f32);
         let bend = ray.bend(self.bound);
@@ -420,7 +419,7 @@ impl ScrewTracer {
         Err(GivenUp)
     }
 
-    /// March within a fiber or its lumen to the next wall; true when it is the lumen's.
+    /// Marches within a fiber or its lumen to the next wall; true when it is the lumen's.
     fn march_inside(&self, ray: &TurningRay, fiber: u32, in_lumen: bool) -> Result<(WallHit, bool), GivenUp> {
         let outer = &self.outer[fiber as usize];
         let lumen = self.lumen[fiber as usize].as_ref();
@@ -470,13 +469,13 @@ impl ScrewTracer {
     }
 }
 
-/// Where a ray leaves a convex outline, by Newton from beyond: along a straight line the distance is a convex
-/// function, so that Newton comes down on its larger root from the outside. None when the outline is dented,
-/// or the twist bends the ray too much for that (it then marches).
+/// The point where a ray leaves a convex outline, by Newton from beyond: along a straight line the distance
+/// is a convex function, so that Newton converges to its larger root from the outside. None when the outline
+/// is dented or the twist bends the ray too much; the ray is then marched.
 #[inline(always)]
 fn leave_convex(ray: &TurningRay, wall: &Wall) -> Option<WallHit> {
     let (q, v) = ray.at(0.0);
-    // A place on the ray's tangent that is certainly not inside.
+    // A point on the ray's tangent that is certainly not inside.
     let s = match wall {
         Wall::Circle { center, .. } => -2.0 * (q - center).dot(&v) / v.norm_squared().max(1e-12),
         Wall::Grid(grid) if grid.convex => grid.leave(q, v),
@@ -485,7 +484,7 @@ fn leave_convex(ray: &TurningRay, wall: &Wall) -> Option<WallHit> {
     leave_from(ray, wall, s)
 }
 
-/// The same by Newton from `s`, near where the ray leaves or beyond.
+/// The same by Newton from `s`, at or beyond the exit.
 #[inline(always)]
 fn leave_from(ray: &TurningRay, wall: &Wall, mut s: f32) -> Option<WallHit> {
     if !(s > 0.0 && ray.rate.abs() * s < 0.3) {
@@ -516,11 +515,10 @@ fn leave_from(ray: &TurningRay, wall: &Wall, mut s: f32) -> Option<WallHit> {
 /// Steps towards a core after which the ray is marched.
 const CORE_STEPS: u32 = 32;
 
-/// Where a ray within the material between two circles meets the next wall; true when it is the inner one's.
-/// It leaves the outer circle as it would a full one. The inner one is passed by when the ray's tangent keeps
-/// further off it than the twist can bend the ray up to there; else steps that cannot pass a convex wall lead
-/// to it, or past it.
-/// None for other outlines, and where that does not settle it.
+/// The next wall of a ray in the material between two circles; true when it is the inner one's. The ray
+/// leaves the outer circle as a full one. It misses the inner circle when its tangent stays further away than
+/// the twist can bend the ray; else steps that cannot pass a convex wall lead to it, or past it. None for
+/// other outlines and undecided cases.
 #[inline(always)]
 fn leave_ring(ray: &TurningRay, outer: &Wall, core: &Wall, bend: f32) -> Option<(WallHit, bool)> {
     let (Wall::Circle { center, radius }, Wall::Circle { center: within, radius: inner }) = (outer, core) else {
@@ -580,7 +578,7 @@ impl Tracer for ScrewTracer {
             Medium::Lumen(f) => self.march_inside(&ray, f, true).map(|(met, lumen)| (met, f, lumen)),
         };
         let Ok((WallHit { s, q, n }, fiber, lumen)) = found else { return Trace::Lost };
-        // Into the air: out of the fiber, or into the lumen.
+        // The normal points into the air: out of the fiber, or into the lumen.
         let n = if lumen { -n } else { n };
         // Gradient of sdf2D(Rot(-twist z)(x, y)): in the frame (n, twist (q.y n.x - q.x n.y)), turned back by
         // the angle at the hit.

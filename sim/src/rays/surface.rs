@@ -1,9 +1,9 @@
-//! What fibers do to light: their walls, and what absorbs within them.
+//! Optical surfaces of fibers: their walls, and the absorption within.
 //!
 //! An opaque fiber's wall is the GGX microsurface of [`RoughDielectric`] whose facets all reflect (Heitz et
-//! al. 2016, the conductor). Nothing is lost in the walk: what the facets absorb is kept as a length,
-//! [`Reflections`], by which a path is weighted for every absorption afterwards, as by its length in a
-//! dielectric.
+//! al. 2016, the conductor). The walk loses no energy: the absorption of the facets is kept as a length,
+//! [`Reflections`], which weights the path for every absorption afterwards, as its length in a dielectric
+//! does.
 
 use crate::rays::dielectric::{MAX_ORDER, RoughDielectric, Scattered};
 use nalgebra::Vector3;
@@ -16,19 +16,19 @@ use rand::{Rng, RngExt};
 pub struct RoughConductor {
     /// GGX roughness; 0 for smooth.
     pub alpha: f32,
-    /// What its reflections absorb.
+    /// Absorption of its reflections.
     pub reflections: Reflections,
 }
 
 impl RoughConductor {
-    /// Reflect a ray that propagates along `dir` (local frame, z along the normal, which points outside), and
-    /// the length that its reflections stand for [um].
+    /// Reflects a ray that propagates along `dir` (local frame, z along the normal, which points outside).
+    /// Returns its direction and the length that its reflections stand for [um].
     pub fn scatter<R: Rng>(&self, dir: Vector3<f32>, rng: &mut R) -> (Scattered, f32) {
         self.walk(dir, rng, |cos| self.reflections.length_um(cos))
     }
 
-    /// The walk over the microsurface; `of_facet` answers for each facet by its cosine of incidence, and its
-    /// sum comes back.
+    /// The walk over the microsurface. Returns the direction and the sum of `of_facet` over the cosines of
+    /// incidence at the facets.
     pub(crate) fn walk<R: Rng>(
         &self,
         dir: Vector3<f32>,
@@ -41,7 +41,7 @@ impl RoughConductor {
             let cos = (-w.dot(&n)).max(0.0);
             sum += of_facet(cos);
             *w += n * (2.0 * cos);
-            // One Newton step of the normalization, as for the dielectric.
+            // One Newton step of the normalization, as in the dielectric.
             *w *= 1.5 - 0.5 * w.norm_squared();
         };
         if self.alpha <= 0.0 {
@@ -73,7 +73,7 @@ pub enum Wall {
     Opaque(RoughConductor),
 }
 
-/// One kind of fibers, for rays.
+/// One kind of fibers, as rays see it.
 #[derive(Clone, Debug)]
 pub struct FiberSurface {
     /// The outer wall.
@@ -81,7 +81,7 @@ pub struct FiberSurface {
     /// The wall of the core, its normal from the material into the core: index of the material over that of
     /// the core.
     pub inner: Wall,
-    /// Length that counts for absorption per length in the material: 1, of a blend's second fibers their
+    /// Length that counts for absorption per length in the material: 1, or for a blend's second fibers their
     /// share of the dye.
     pub absorbs: f32,
     /// The same in the core.
@@ -94,7 +94,8 @@ impl FiberSurface {
         FiberSurface { outer: Wall::Dielectric(wall), inner: Wall::Dielectric(wall), absorbs: 1.0, core_absorbs: 0.0 }
     }
 
-    /// Of a spec's fiber at a wavelength [um], which absorbs `dye` times what the first fibers of its ply do.
+    /// Surface of a spec's fiber at a wavelength [um], whose absorption is `dye` times that of the ply's
+    /// first fibers.
     pub fn new(fiber: &FiberSpec, lambda_um: f64, dye: f64) -> FiberSurface {
         let alpha = fiber.alpha_fiber as f32;
         let wall = |eta: f64| Wall::Dielectric(RoughDielectric { eta: eta as f32, alpha });
@@ -116,12 +117,12 @@ pub struct Surfaces {
 }
 
 impl Surfaces {
-    /// Of a ply of fibers that are all alike.
+    /// Surfaces of a ply of equal fibers.
     pub fn alike(surface: FiberSurface) -> Surfaces {
         Surfaces { first: surface, second: None }
     }
 
-    /// Of a spec's ply, at the wavelength of its beam.
+    /// Surfaces of a spec's ply, at the wavelength of its beam.
     pub fn of_spec(spec: &YarnSpec) -> Surfaces {
         let lambda_um = spec.beam.lambda_um;
         let of_blend = |b: &plywave::spec::BlendSpec| FiberSurface::new(&b.fiber, lambda_um, b.dye);
@@ -134,7 +135,7 @@ impl Surfaces {
         self.second.is_some()
     }
 
-    /// Of the first or the second kind.
+    /// Surface of the first or the second kind.
     #[inline(always)]
     pub fn of(&self, second: bool) -> &FiberSurface {
         match &self.second {
@@ -155,7 +156,7 @@ mod tests {
         RoughConductor { alpha, reflections: Reflections::new(OpaqueIndex::Metal(Metal::Gold)) }
     }
 
-    /// A smooth wall is a mirror: the angle is kept, and so is the light of Fresnel's reflectance.
+    /// A smooth wall is a mirror: it keeps the angle and reflects Fresnel's reflectance.
     #[test]
     fn smooth_walls_are_mirrors() {
         let mut rng = Pcg64Mcg::seed_from_u64(1);
@@ -167,14 +168,14 @@ mod tests {
         }
     }
 
-    /// Reciprocity of a surface that loses nothing: light that is even over the hemisphere stays even,
-    /// whatever the roughness. Mean cosine 2/3, nothing below.
+    /// Reciprocity of a lossless surface: light that is even over the hemisphere stays even, whatever the
+    /// roughness. Mean cosine 2/3, nothing below.
     #[test]
     fn even_light_stays_even() {
         let mut rng = Pcg64Mcg::seed_from_u64(2);
         let n = 200_000;
         for alpha in [0.05, 0.3, 1.0] {
-            // Once: lengths of gold's reflections are fitted.
+            // Built once: the lengths of gold's reflections are fitted.
             let wall = gold(alpha);
             let (mut sum, mut squares) = (0.0f64, 0.0);
             for _ in 0..n {
@@ -190,8 +191,8 @@ mod tests {
         }
     }
 
-    /// Weights by length against the walk that is absorbed facet by facet, by Fresnel's reflectance of the
-    /// wavelength: off by what the lengths' common course over the angle leaves, 0.02.
+    /// Weights by length agree with a walk absorbed facet by facet, by Fresnel's reflectance of the
+    /// wavelength, to 0.02: the lengths share one course over the angle.
     #[test]
     fn lengths_absorb_as_facets_do() {
         let mut rng = Pcg64Mcg::seed_from_u64(3);

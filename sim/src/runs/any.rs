@@ -1,5 +1,4 @@
-//! Jobs of any kind, made anew from their descriptions: to run shards of them elsewhere, and to merge their
-//! parts.
+//! Jobs of any kind, rebuilt from their descriptions to run shards elsewhere and to merge parts.
 
 use super::job::{Description, Plan};
 use super::merge::Parts;
@@ -15,7 +14,7 @@ use plywave::table::Table;
 use plywave::twin::ClothTwin;
 use std::ops::Range;
 
-/// What a job makes.
+/// Output of a job.
 pub enum Output {
     /// Of "simulate".
     Table(Box<Table>),
@@ -43,7 +42,7 @@ enum Kind {
     Twin(Box<TwinJob>),
 }
 
-/// The same expression of whatever job it is.
+/// Evaluates the same expression for a job of any kind.
 macro_rules! each {
     ($self:ident, $job:ident => $does:expr) => {
         match &$self.0 {
@@ -79,7 +78,7 @@ impl AnyJob {
         }))
     }
 
-    /// The same from [`Description::text`], for shards that are run by this program.
+    /// The job of a [`Description::text`], for shards that this program runs.
     ///
     /// # Errors
     /// As [`AnyJob::from_description`], and [`SimError::Merge`] for the description of another version of the
@@ -100,12 +99,12 @@ impl AnyJob {
         Ok(job)
     }
 
-    /// What of it is cheap to hold.
+    /// The job's plan, which is cheap to hold.
     pub fn plan(&self) -> Plan {
         each!(self, job => Plan::from_job(&**job))
     }
 
-    /// Runs one shard, or one group of shards, and gives the bytes of its file in a parts folder
+    /// Runs one shard, or one group of shards, and returns the bytes of its file in a parts folder
     /// ([`super::block_name`]).
     ///
     /// # Errors
@@ -114,8 +113,7 @@ impl AnyJob {
         each!(self, job => run_block(&**job, shards, run))
     }
 
-    /// Whether the bytes are those of a file of these shards of this job, whole and with values that can be
-    /// theirs.
+    /// Checks that the bytes are an undamaged file of these shards of this job, with possible values.
     ///
     /// # Errors
     /// [`SimError::Merge`] for the parts of another job or other shards, those of [`PartFile::from_bytes`]
@@ -131,7 +129,7 @@ impl AnyJob {
         each!(self, job => file.entry(&**job, 0).map(|_| ()))
     }
 
-    /// Runs all shards, those that are not in the folder of `run`, and merges them.
+    /// Runs all shards that are not in the folder of `how`, and merges all.
     ///
     /// # Errors
     /// As [`super::run`].
@@ -159,7 +157,7 @@ impl AnyJob {
 }
 
 impl Parts {
-    /// The output of the job that the parts are of, made anew from their description.
+    /// The merged output of the parts; their job is rebuilt from the description.
     ///
     /// # Errors
     /// As [`Parts::merge`], and those of the spec in the parts.

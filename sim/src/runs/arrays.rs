@@ -1,4 +1,4 @@
-//! What shards leave: named arrays that add up.
+//! Results of shards: named arrays that add up.
 
 use safetensors::tensor::Dtype;
 
@@ -37,22 +37,22 @@ impl Values {
         match (self, other) {
             (Values::F32(to), Values::F32(from)) => to.iter_mut().zip(from).for_each(|(a, b)| *a += b),
             (Values::F64(to), Values::F64(from)) => to.iter_mut().zip(from).for_each(|(a, b)| *a += b),
-            // One job's arrays have one type.
+            // All parts of a job have arrays of the same type.
             _ => {}
         }
     }
 }
 
-/// What a job knows of an array of its parts.
+/// Layout of an array in a job's parts.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ArrayLayout {
     /// Name.
     pub name: &'static str,
     /// Axes; the last is the fastest.
     pub shape: Vec<usize>,
-    /// Whether it is of single precision.
+    /// Whether the array is of single precision.
     pub single: bool,
-    /// Least and greatest value that can be.
+    /// Least and greatest possible value.
     pub range: [f64; 2],
 }
 
@@ -72,20 +72,20 @@ impl ArrayLayout {
         self.shape.iter().product()
     }
 
-    /// Whether there are none.
+    /// Whether the array has no values.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
 }
 
-/// What a shard, or the sum of a run of shards, leaves.
+/// Result of a shard, or sum of the results of consecutive shards.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Part {
     /// Arrays in the order of the job's layout.
     pub arrays: Vec<Values>,
-    /// Time of its work [s]; no part of the result.
+    /// Time of the work [s]; not part of the result.
     pub seconds: f64,
-    /// The most memory that the work held [bytes]; no part of the result.
+    /// Peak memory of the work [bytes]; not part of the result.
     pub peak_bytes: u64,
 }
 
@@ -95,7 +95,7 @@ impl Part {
         Part { arrays, seconds: 0.0, peak_bytes: 0 }
     }
 
-    /// The values of array `at` of the layout; empty where it is of another type.
+    /// The values of array `at` of the layout; empty if it has another type.
     pub(crate) fn f32(&self, at: usize) -> &[f32] {
         match self.arrays.get(at) {
             Some(Values::F32(v)) => v,
@@ -103,7 +103,7 @@ impl Part {
         }
     }
 
-    /// As [`Part::f32`], of double precision.
+    /// As [`Part::f32`], in double precision.
     pub(crate) fn f64(&self, at: usize) -> &[f64] {
         match self.arrays.get(at) {
             Some(Values::F64(v)) => v,

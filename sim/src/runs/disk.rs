@@ -1,4 +1,4 @@
-//! What runs ask of the disk, by the one reader and writer of `plywave::io`.
+//! Disk access of runs, through the reader and writer of `plywave::io`.
 
 use crate::error::SimError;
 use plywave::{Error, io as files};

@@ -14,7 +14,7 @@ use std::sync::{Mutex, PoisonError};
 /// Name of the file that is locked.
 const LOCK: &str = "lock";
 
-/// What to do with shards that an earlier run left in the folder.
+/// What to do with an earlier run's shards in the folder.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Found {
     /// Refuse to run, so that they are neither used nor deleted unasked.
@@ -25,23 +25,23 @@ pub enum Found {
     Replace,
 }
 
-/// A folder of parts, locked by this process. The system releases the lock when the process ends, however it
-/// ends. Files that are not plywave's are left alone.
+/// A folder of parts, locked by this process. The system releases the lock whenever and however the process
+/// ends. Files that are not plywave's stay untouched.
 #[derive(Debug)]
 pub struct PartsFolder {
     path: PathBuf,
     found: Found,
     notes: Mutex<Vec<String>>,
-    // Held for its lock.
+    // Kept open for its lock.
     _lock: fs::File,
 }
 
 impl PartsFolder {
-    /// Makes the folder where there is none, and locks it.
+    /// Creates the folder if it does not exist, and locks it.
     ///
     /// # Errors
     /// [`SimError::PartsInUse`] when another process has the lock, [`Error::Io`] when the folder cannot be
-    /// made, [`Error::Format`] when it is a folder of something else.
+    /// created, [`Error::Format`] when it holds something else.
     pub fn open(path: impl Into<PathBuf>, found: Found) -> Result<PartsFolder, SimError> {
         let path = path.into();
         let names = if path.exists() { names_in(&path)? } else { Vec::new() };
@@ -56,7 +56,7 @@ impl PartsFolder {
         }
         let lock = lock(&path)?;
         let folder = PartsFolder { path, found, notes: Mutex::default(), _lock: lock };
-        // What a killed run was writing.
+        // Remove partial files of a killed run.
         for name in folder.names()? {
             if plywave::io::is_temporary(&name) {
                 let _ = fs::remove_file(folder.path.join(name));
@@ -65,17 +65,17 @@ impl PartsFolder {
         Ok(folder)
     }
 
-    /// Where it is.
+    /// Path of the folder.
     pub fn path(&self) -> &Path {
         &self.path
     }
 
-    /// Takes what there is to tell the user, a line each: parts that were dropped.
+    /// Takes the notes for the user, a line each: parts that were dropped.
     pub fn take_notes(&self) -> Vec<String> {
         std::mem::take(&mut *self.notes.lock().unwrap_or_else(PoisonError::into_inner))
     }
 
-    /// Deletes the parts, and the folder when nothing else is in it. What cannot be deleted does no harm.
+    /// Deletes the parts, and the folder when nothing else is in it. Files that cannot be deleted do no harm.
     pub fn remove(self) {
         for name in self.names().unwrap_or_default() {
             if parse_name(&name).is_some() {
@@ -84,10 +84,10 @@ impl PartsFolder {
         }
     }
 
-    /// Entries of `job` in the folder that are whole, as first shard and number of shards.
+    /// Undamaged entries of `job` in the folder, as first shard and number of shards.
     ///
     /// # Errors
-    /// [`SimError::PartsFound`] and [`SimError::PartsOfAnotherRun`] for what may not be used or deleted
+    /// [`SimError::PartsFound`] and [`SimError::PartsOfAnotherRun`] for parts that may not be used or deleted
     /// unasked.
     pub(super) fn scan<J: Job + ?Sized>(&self, job: &J, plan: &Plan) -> Result<HashSet<(usize, usize)>, SimError> {
         let mut whole = HashSet::new();
@@ -127,7 +127,7 @@ impl PartsFolder {
         Ok(whole)
     }
 
-    /// Reads what [`PartsFolder::scan`] found.
+    /// Reads an entry that [`PartsFolder::scan`] found.
     pub(super) fn read<J: Job + ?Sized>(&self, job: &J, first: usize, count: usize) -> Result<Entry, SimError> {
         self.entry(job, &PartFile::open(&self.file(first, count))?, first, count)
     }
@@ -151,7 +151,7 @@ impl PartsFolder {
         disk::write_whole(&path, &bytes)
     }
 
-    /// Deletes a shard whose group is written. What cannot be deleted stays, unused.
+    /// Deletes a shard whose group is written. A file that cannot be deleted stays unused.
     pub(super) fn forget(&self, shard: usize) {
         let _ = fs::remove_file(self.file(shard, 1));
     }
@@ -192,7 +192,7 @@ fn names_in(folder: &Path) -> Result<Vec<String>, SimError> {
 }
 
 impl Drop for PartsFolder {
-    /// A folder without parts is taken away: what was refused leaves nothing behind.
+    /// Removes a folder without parts, so that a refused run leaves nothing behind.
     fn drop(&mut self) {
         let ours = |name: &String| parse_name(name).is_some();
         if self.names().is_ok_and(|names| !names.iter().any(ours)) {
@@ -216,7 +216,7 @@ fn parse_name(name: &str) -> Option<(usize, usize)> {
 }
 
 fn lock(folder: &Path) -> Result<fs::File, SimError> {
-    // A process that ends takes an empty folder away with its lock: another try then makes both anew.
+    // A process that ends removes an empty folder and its lock; another try then creates both again.
     for _ in 0..100 {
         fs::create_dir_all(folder).map_err(io(folder))?;
         match plywave::io::lock_file(folder.join(LOCK)) {
@@ -247,8 +247,7 @@ mod tests {
         }
     }
 
-    /// A second process is refused while the first holds the folder, and an empty folder goes with its
-    /// holder.
+    /// A second process is refused while the first holds the folder; the holder removes an empty folder.
     #[test]
     fn folders_have_one_holder() {
         let dir = tempfile::tempdir().unwrap();

@@ -1,4 +1,5 @@
-//! What a job is: a description that identifies it, shards that can be run alone, and a merge in fixed order.
+//! Definition of a job: a description that identifies it, shards that can run alone, and a merge in fixed
+//! order.
 
 use super::arrays::{ArrayLayout, Part};
 use crate::error::SimError;
@@ -18,7 +19,7 @@ pub struct Description {
     pub program_version: String,
     /// Kind of the job: "simulate", "tabulate", "speckle", "compare", "scatter" or "twin".
     pub kind: String,
-    /// Options and seed, without what only says how many shards there are.
+    /// Options and seed, without options that only set the number of shards.
     pub options: serde_json::Value,
     /// Text of the spec or scene.
     pub spec: String,
@@ -37,7 +38,7 @@ impl Description {
         }
     }
 
-    /// The options, as the job of this kind has them.
+    /// The options, parsed as those of a job of this kind.
     ///
     /// # Errors
     /// [`SimError::Merge`].
@@ -48,8 +49,8 @@ impl Description {
         })
     }
 
-    /// Its canonical text: JSON without spaces, the keys of `options` sorted, numbers in the fewest digits
-    /// that give them back.
+    /// Canonical text of the description: JSON without spaces, the keys of `options` sorted, numbers in the
+    /// fewest digits that restore them.
     pub fn text(&self) -> String {
         // Strings, numbers and objects with string keys: nothing that JSON cannot hold.
         serde_json::to_string(self).unwrap_or_default()
@@ -63,21 +64,21 @@ pub(super) fn hex_digest(bytes: &[u8]) -> String {
 
 /// A finished shard.
 pub struct Done {
-    /// What it leaves.
+    /// Its result.
     pub part: Part,
-    /// The most memory that it held [bytes]; 0 where that is little.
+    /// Peak memory [bytes]; 0 where it is small.
     pub peak_bytes: usize,
 }
 
 /// Work cut into shards.
 ///
 /// Shard `i` depends on the description and `i` alone. Consecutive shards may form groups, whose parts are
-/// added up in their order; the sums of the groups, again in their order, make the output. So the output has
-/// the same bits whatever threads, machines and interruptions made the parts.
+/// added up in their order; the sums of the groups, again in their order, make the output. So the bits of the
+/// output do not depend on threads, machines or interruptions.
 pub trait Job: Sync {
-    /// What the parts are merged into.
+    /// Result of merging all parts.
     type Output;
-    /// An output that is not complete.
+    /// Incomplete output.
     type Merge: Send;
 
     /// All that the shards depend on.
@@ -86,7 +87,7 @@ pub trait Job: Sync {
     /// Number of shards.
     fn shards(&self) -> usize;
 
-    /// What of the number of shards is not in the description, for jobs that can be made longer.
+    /// The part of the number of shards that is not in the description, for jobs that can be extended.
     fn extent(&self) -> u64 {
         0
     }
@@ -96,40 +97,39 @@ pub trait Job: Sync {
         1
     }
 
-    /// What progress counts of a shard.
+    /// Units of progress in a shard.
     fn units(&self, _shard: usize) -> u64 {
         1
     }
 
-    /// Arrays of the part of shard `shard` or of the group that it begins.
+    /// Arrays in the part of shard `shard`, or of the group that begins with it.
     fn layout(&self, shard: usize) -> Vec<ArrayLayout>;
 
-    /// Whether the values of the part of shards `first..first + count` can be theirs, beyond what the layout
-    /// says.
+    /// Checks, beyond the layout, that the values in the part of shards `first..first + count` are possible.
     ///
     /// # Errors
-    /// A sentence about what cannot be.
+    /// A sentence about the impossible value.
     fn check(&self, _first: usize, _count: usize, _part: &Part) -> Result<(), String> {
         Ok(())
     }
 
-    /// Memory that a shard takes [bytes], where that is known before the first has run.
+    /// Memory of a shard [bytes], if it is known before the first shard runs.
     fn shard_bytes(&self) -> Option<usize> {
         None
     }
 
-    /// What all shards need, made once before the first one is run.
+    /// Prepares the data that all shards need, once before the first one runs.
     ///
     /// # Errors
-    /// What is wrong with the spec.
+    /// Errors of the spec.
     fn prepare(&self) -> Result<(), SimError> {
         Ok(())
     }
 
-    /// Runs one shard; `None` when stopped. `progress` is told of units.
+    /// Runs one shard; `None` when stopped. `progress` is called with the units done.
     ///
     /// # Errors
-    /// What the solvers refuse.
+    /// Errors of the solvers.
     fn run_shard(
         &self,
         shard: usize,
@@ -140,20 +140,20 @@ pub trait Job: Sync {
     /// The output before the first part.
     fn begin(&self) -> Self::Merge;
 
-    /// Takes up the part of the group that begins at shard `first`. Called once a group, in their order.
+    /// Adds the part of the group that begins at shard `first`. Called once per group, in order.
     fn absorb(&self, merge: &mut Self::Merge, first: usize, part: Part);
 
     /// The output after the last part.
     ///
     /// # Errors
-    /// What cannot be made of the parts.
+    /// Parts that do not make an output.
     fn finish(&self, merge: Self::Merge) -> Result<Self::Output, SimError>;
 }
 
-/// What of a job is cheap to hold: its identity and sizes.
+/// Identity and sizes of a job, cheap to hold.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Plan {
-    /// What the job is.
+    /// Description of the job.
     pub description: Description,
     /// SHA-256 of the description's text, in hexadecimal digits: the job's identity.
     pub digest: String,

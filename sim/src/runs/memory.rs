@@ -1,9 +1,9 @@
-//! How many shards may be held in memory side by side.
+//! Number of shards that may be in memory at once.
 
 use crate::wave::memory::available_bytes;
 
-/// Shards that may be held at once where each takes `bytes`: one a thread, in half of the memory that is
-/// free; one a thread where they take nothing to speak of.
+/// Number of shards of `bytes` each that may be in memory at once: as many as fit in half of the free memory,
+/// at most one per thread.
 pub(super) fn lanes(bytes: usize) -> usize {
     let threads = rayon::current_num_threads();
     if bytes == 0 {

@@ -1,4 +1,4 @@
-//! Parts made apart, checked against each other and merged.
+//! Checks separately computed parts against each other and merges them.
 
 use super::arrays::Part;
 use super::job::{Description, Job, Plan};
@@ -6,7 +6,7 @@ use super::part::PartFile;
 use crate::error::SimError;
 use std::path::{Path, PathBuf};
 
-/// The files of all shards of one job: every shard once.
+/// Files that together hold every shard of one job once.
 pub struct Parts {
     paths: Vec<PathBuf>,
     /// Entries in the order of their shards: the file's number and the entry's number in it.
@@ -18,11 +18,11 @@ pub struct Parts {
 }
 
 impl Parts {
-    /// Reads the files and checks that they are whole, of one job, and hold each shard once.
+    /// Reads the files and checks that they are undamaged, of one job, and hold each shard once.
     ///
     /// # Errors
-    /// [`SimError::Merge`] naming the shards that are missing or there twice, or the file of another job;
-    /// those of [`PartFile::open`].
+    /// [`SimError::Merge`] naming the missing or duplicate shards, or the file of another job; those of
+    /// [`PartFile::open`].
     pub fn open(paths: &[PathBuf]) -> Result<Parts, SimError> {
         let refuse = |what: String, hint: &str| SimError::Merge { what, hint: hint.into() };
         let mut first: Option<Parts> = None;
@@ -78,7 +78,7 @@ impl Parts {
         Ok(parts)
     }
 
-    /// What the job is, to make it anew.
+    /// Description of the job, to rebuild it.
     pub fn description(&self) -> &Description {
         &self.description
     }
@@ -98,7 +98,7 @@ impl Parts {
         self.shards
     }
 
-    /// The output of `job`, made anew from [`Parts::description`].
+    /// The output of `job`, which the caller rebuilds from [`Parts::description`].
     ///
     /// # Errors
     /// [`SimError::Merge`] when the job is not that of the parts, or a part is not what the job expects.
@@ -145,7 +145,7 @@ fn span(from: usize, to: usize) -> String {
     if to == from + 1 { from.to_string() } else { format!("{from} to {}", to - 1) }
 }
 
-/// Which part of two descriptions differs first.
+/// Names the first field in which two descriptions differ.
 fn difference(a: &Description, b: &Description) -> String {
     if a.kind != b.kind {
         return "its kind".into();

@@ -1,11 +1,11 @@
 //! Long computations cut into shards: one scheduler and one format of parts for simulations, fiber tables,
 //! speckle, comparisons and scenes.
 //!
-//! A [`Job`] says what it is (its [`Description`], whose digest identifies it), runs one shard by its number
-//! alone, and merges the parts of all shards in fixed order. [`run`] does all of it in one process;
-//! [`run_part`] does a share of the shards and writes them to a file; [`Parts`] collects such files and
-//! [`Parts::merge`] makes the output of them: the same bits as [`run`], whatever machines, threads and
-//! interruptions made the parts.
+//! A [`Job`] has a [`Description`], whose digest identifies it, runs one shard by its number alone, and
+//! merges the parts of all shards in fixed order. [`run`] does all of it in one process; [`run_part`] runs a
+//! share of the shards and writes them to a file; [`Parts`] collects such files and [`Parts::merge`] computes
+//! the output from them. Its bits equal those of [`run`], whatever machines, threads and interruptions made
+//! the parts.
 
 mod any;
 mod arrays;

@@ -16,12 +16,12 @@ use std::path::Path;
 const FORMAT: &str = "plywave-part";
 /// Key of the JSON document in the metadata.
 const KEY: &str = "plywave";
-/// The tensor that holds the checksum: the only one of bytes, so that safetensors puts it last.
+/// Tensor of the checksum. It is the only one of bytes, so that safetensors puts it last.
 const CHECKSUM: &str = "sha256";
 /// Its length.
 const CHECKSUM_BYTES: usize = 32;
 
-/// Whether a part is what `job` expects of shards `first..first + count`.
+/// Checks that a part is what `job` expects of shards `first..first + count`.
 pub(super) fn check_part<J: Job + ?Sized>(part: &Part, job: &J, first: usize, count: usize) -> Result<(), String> {
     let layout = job.layout(first);
     if layout.len() != part.arrays.len() {
@@ -33,7 +33,7 @@ pub(super) fn check_part<J: Job + ?Sized>(part: &Part, job: &J, first: usize, co
             return Err(format!("{name} has {} values, expected the shape {:?}", values.len(), array.shape));
         }
         let [low, high] = array.range;
-        // Asked this way, a NaN does not pass.
+        // Written this way, a NaN fails the check.
         let bad = match values {
             Values::F32(v) => v.iter().position(|v| !(f64::from(*v) >= low && f64::from(*v) <= high)),
             Values::F64(v) => v.iter().position(|v| !(*v >= low && *v <= high)),
@@ -45,7 +45,7 @@ pub(super) fn check_part<J: Job + ?Sized>(part: &Part, job: &J, first: usize, co
     job.check(first, count, part)
 }
 
-/// A part and the shards that it is of.
+/// A part and its shards.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Entry {
     /// First shard.
@@ -85,10 +85,10 @@ struct Document {
     entries: Vec<EntryHead>,
 }
 
-/// A file of parts, read and found whole: its checksum holds, and the job's digest is that of its
+/// A file of parts that was read and checked: its checksum matches, and the job's digest is that of its
 /// description.
 pub struct PartFile {
-    /// Name for messages.
+    /// Name of the file for messages.
     name: String,
     document: Document,
     bytes: Vec<u8>,
@@ -152,13 +152,13 @@ impl PartFile {
     /// Reads a file.
     ///
     /// # Errors
-    /// [`Error::Io`] when it cannot be read, [`Error::Format`] when it is no file of parts, of another
-    /// version or damaged.
+    /// [`Error::Io`] when it cannot be read, [`Error::Format`] when it is not a file of parts, has another
+    /// version or is damaged.
     pub fn open(path: &Path) -> Result<PartFile, SimError> {
         PartFile::from_bytes(disk::read_whole(path)?, &path.display().to_string())
     }
 
-    /// The same from its bytes; `name` stands for the file in errors.
+    /// Reads a file from its bytes; `name` stands for the file in errors.
     ///
     /// # Errors
     /// As [`PartFile::open`].
@@ -210,7 +210,7 @@ impl PartFile {
         Ok(PartFile { name: name.into(), document, bytes })
     }
 
-    /// What the job is.
+    /// Description of the job.
     pub fn description(&self) -> &Description {
         &self.document.description
     }
@@ -235,7 +235,7 @@ impl PartFile {
         self.document.entries.iter().map(|e| (e.first, e.count))
     }
 
-    /// Entry `at`, its sizes and values checked against the job's.
+    /// Entry `at`, with sizes and values checked against the job.
     ///
     /// # Errors
     /// [`Error::Format`] for arrays that are not what the job expects.

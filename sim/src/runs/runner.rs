@@ -1,5 +1,5 @@
-//! Runs shards side by side as far as memory allows, with finished ones in memory or in a folder, and gives
-//! their sums out in order.
+//! Runs shards in parallel as far as memory allows, keeps finished ones in memory or in a folder, and adds
+//! them up in order.
 
 use super::arrays::Part;
 use super::folder::{PartsFolder, block_name};
@@ -15,7 +15,7 @@ use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
 
-/// How a job is run: nothing here changes its result.
+/// How a job runs. Nothing here changes its result.
 #[derive(Clone, Copy, Default)]
 pub struct Run<'a> {
     /// Folder for finished shards; `None` keeps them in memory only.
@@ -27,7 +27,7 @@ pub struct Run<'a> {
 }
 
 impl Run<'_> {
-    /// In memory, without progress, to the end.
+    /// A run in memory, without progress reports or a stop flag.
     pub fn plain() -> Run<'static> {
         Run::default()
     }
@@ -66,11 +66,11 @@ pub fn run_part<J: Job>(
     Ok(shards)
 }
 
-/// Runs one shard, or one whole group of shards, and gives the bytes of its file in a parts folder: with the
-/// files of all others there, a run that resumes has nothing left to do but to merge.
+/// Runs one shard, or one whole group of shards, and returns the bytes of its file in a parts folder. With
+/// the files of all shards in the folder, a resumed run only merges.
 ///
 /// # Errors
-/// As [`run`], and [`SimError::Merge`] for shards that are neither.
+/// As [`run`], and [`SimError::Merge`] for shards that are neither one shard nor a group.
 pub fn run_block<J: Job + ?Sized>(job: &J, shards: Range<usize>, run: Run<'_>) -> Result<Vec<u8>, SimError> {
     let plan = Plan::from_job(job);
     if shards.end > plan.shards || !(shards.len() == 1 || blocks(&plan, shards.clone()).len() == 1) {
@@ -89,8 +89,8 @@ pub fn run_block<J: Job + ?Sized>(job: &J, shards: Range<usize>, run: Run<'_>) -
     encode(job, &plan, &entries, &block_name(shards.start, shards.len()))
 }
 
-/// Checks what the folder of `run` holds of `job` before any work, so that a job that comes later in a chain
-/// is not refused after hours.
+/// Checks the parts of `job` in the folder of `run` before any work, so that a job late in a chain is not
+/// refused after hours.
 ///
 /// # Errors
 /// As [`run`], for parts that may not be used or deleted.
@@ -98,7 +98,7 @@ pub fn check_parts<J: Job>(job: &J, run: Run<'_>) -> Result<(), SimError> {
     run.parts.map_or(Ok(()), |parts| parts.scan(job, &Plan::from_job(job)).map(|_| ()))
 }
 
-/// Runs of shards that are added up: groups, the beginnings of groups, else single shards.
+/// Consecutive shards that are added up: groups, the beginnings of groups, else single shards.
 pub(super) fn blocks(plan: &Plan, shards: Range<usize>) -> Vec<Range<usize>> {
     let mut blocks = Vec::new();
     let mut at = shards.start;
@@ -114,11 +114,11 @@ pub(super) fn blocks(plan: &Plan, shards: Range<usize>) -> Vec<Range<usize>> {
 enum Step {
     /// A block that an earlier run finished.
     Block(Range<usize>),
-    /// A shard, and whether an earlier run finished it; with the block that it ends.
+    /// A shard, whether an earlier run finished it, and the block that it completes.
     Shard { shard: usize, stored: bool, ends: Option<Range<usize>> },
 }
 
-/// What the lanes share.
+/// State shared by the lanes.
 struct State<'a> {
     next: usize,
     finished: BTreeMap<usize, Part>,
@@ -127,7 +127,7 @@ struct State<'a> {
     give: &'a mut (dyn FnMut(Entry) + Send),
 }
 
-/// Gives the sums of all blocks of `shards` to `give`, in order.
+/// Passes the sums of all blocks of `shards` to `give`, in order.
 fn execute<J: Job + ?Sized>(
     job: &J,
     plan: &Plan,
@@ -151,7 +151,7 @@ fn execute<J: Job + ?Sized>(
             steps.push(Step::Shard { shard, stored: there.contains(&(shard, 1)), ends });
         }
     }
-    // Shards in their order, as numbers of steps; those that are stored need no work.
+    // Shards to run in order, as numbers of steps; stored shards need no work.
     let turns: Vec<usize> = (0..steps.len()).filter(|at| matches!(steps[*at], Step::Shard { .. })).collect();
     if turns.iter().any(|at| matches!(steps[*at], Step::Shard { stored: false, .. })) {
         job.prepare()?;
@@ -163,7 +163,7 @@ fn execute<J: Job + ?Sized>(
     let mut side_by_side = rayon::current_num_threads();
     match job.shard_bytes() {
         Some(bytes) => side_by_side = memory::lanes(bytes),
-        // The first shard that is run alone tells how many may be held side by side.
+        // The first shard runs alone; its memory decides how many run at once.
         None => {
             while let Some(&step) = turns.get(next.fetch_add(1, Ordering::Relaxed)) {
                 if stop.load(Ordering::Relaxed) {
@@ -180,7 +180,7 @@ fn execute<J: Job + ?Sized>(
     (0..side_by_side.min(turns.len() - begun)).into_par_iter().with_max_len(1).for_each(|_| {
         loop {
             let turn = next.fetch_add(1, Ordering::Relaxed);
-            // Shards begin in order, so that the first failure by number is found whatever the number of
+            // Shards begin in order, so that the first failure by number does not depend on the number of
             // lanes.
             let hopeless = || lock(&state).failed.as_ref().is_some_and(|(at, _)| *at < turn);
             if turn >= turns.len() || stop.load(Ordering::Relaxed) || hopeless() {
@@ -199,7 +199,7 @@ fn execute<J: Job + ?Sized>(
         return Err(error);
     }
     if state.next < steps.len() {
-        // Shards whose sums wait for an earlier one are done too.
+        // Shards whose sums wait for an earlier one count as done.
         let done = |(at, step): (usize, &Step)| match step {
             Step::Block(block) => block.len(),
             Step::Shard { stored, .. } => usize::from(*stored || at < state.next || state.finished.contains_key(&at)),
@@ -210,7 +210,7 @@ fn execute<J: Job + ?Sized>(
     Ok(())
 }
 
-/// What a lane needs.
+/// Data of the lanes.
 struct Lanes<'a, 'b, J: ?Sized> {
     job: &'a J,
     plan: &'a Plan,
@@ -222,8 +222,8 @@ struct Lanes<'a, 'b, J: ?Sized> {
 }
 
 impl<J: Job + ?Sized> Lanes<'_, '_, J> {
-    /// Reads or runs the shard of a step and adds up what is next in order; gives the memory that it took
-    /// when it was run.
+    /// Reads or runs the shard of a step and adds up what is next in order. Returns the shard's memory if it
+    /// was run.
     fn one(&self, at: usize) -> Result<Option<usize>, SimError> {
         let Step::Shard { shard, stored, .. } = self.steps[at] else { return Ok(None) };
         let mut bytes = None;
@@ -259,7 +259,7 @@ impl<J: Job + ?Sized> Lanes<'_, '_, J> {
         while let Some(step) = self.steps.get(state.next) {
             let block = match step {
                 Step::Block(block) => {
-                    // Found whole before.
+                    // The scan found it undamaged.
                     let entry = self.parts.map(|parts| parts.read(self.job, block.start, block.len())).transpose()?;
                     state.sum = entry.map(|e| e.part);
                     block.clone().for_each(|shard| (self.progress)(self.job.units(shard)));
@@ -291,7 +291,7 @@ impl<J: Job + ?Sized> Lanes<'_, '_, J> {
     }
 }
 
-/// The lock of a mutex, whoever panicked while holding it: the values within are whole at any time.
+/// Locks a mutex even after a panic of its holder: the values within are consistent at any time.
 fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }

@@ -1,5 +1,5 @@
-//! The scheduler on a made-up job whose parts are known: groups, stops, failures, damaged and foreign parts,
-//! merges in any order.
+//! Tests of the scheduler on a synthetic job with known parts: groups, stops, failures, damaged and foreign
+//! parts, merges in any order.
 
 use super::*;
 use crate::error::SimError;
@@ -99,7 +99,7 @@ fn names(folder: &Path) -> Vec<String> {
     names
 }
 
-/// The sums by hand, group by group.
+/// The sums match those computed by hand, group by group.
 #[test]
 fn groups_are_summed_in_order_whatever_the_threads() {
     for (shards, group) in [(12, 4), (10, 4), (5, 1), (3, 7), (0, 2)] {
@@ -175,7 +175,7 @@ fn stopped_runs_are_resumed() {
     assert_eq!(afresh.runs.into_inner(), 4);
 }
 
-/// Of several failures the first by number is told, whatever the threads.
+/// Of several failures the first by number is reported, whatever the threads.
 #[test]
 fn first_failure_is_told() {
     let fail = |shard: usize| match shard {
@@ -188,7 +188,7 @@ fn first_failure_is_told() {
     }
 }
 
-/// A shard whose values cannot be is an error where it is run, not where its part is read.
+/// A shard with impossible values is an error when it runs, not when its part is read.
 #[test]
 fn impossible_values_are_errors() {
     struct Bad(f32);
@@ -228,8 +228,8 @@ fn part_files(folder: &Path, job: &Toy<'_>, count: usize) -> Vec<PathBuf> {
     (1..=count).map(one).collect()
 }
 
-/// Parts made apart, of any number, given in any order, make the same bits; what is missing, double or of
-/// another job is told.
+/// Separately computed parts, in any number and order, merge to the same bits. Parts that are missing,
+/// duplicate or of another job are reported.
 #[test]
 fn merges_are_the_whole_run() {
     let dir = tempfile::tempdir().unwrap();
@@ -263,8 +263,8 @@ fn merges_are_the_whole_run() {
     assert!(matches!(none, Err(SimError::TooManyParts { shards: 13, .. })), "{none:?}");
 }
 
-/// Any flipped byte of a part is found out, and so is any length; in a folder such a part is dropped with a
-/// word and its shard is run again.
+/// Any flipped byte or wrong length of a part is detected. In a folder such a part is dropped with a note and
+/// its shard runs again.
 #[test]
 fn damaged_parts_are_found_out() {
     let dir = tempfile::tempdir().unwrap();
@@ -303,7 +303,7 @@ fn damaged_parts_are_found_out() {
 }
 
 proptest! {
-    /// Parts whose checksum holds but whose values, sizes or numbers of shards cannot be: refused, never a
+    /// Parts with a valid checksum but impossible values, sizes or numbers of shards are refused without a
     /// panic.
     #[test]
     fn impossible_parts_are_refused(
@@ -331,8 +331,8 @@ proptest! {
     }
 }
 
-/// Blocks that were run one by one fill the folder of a run, which then merges without running a shard, to
-/// the same bits; what is no block is refused.
+/// Blocks that were run one by one fill the folder of a run, which then merges to the same bits without
+/// running a shard. Other ranges of shards are refused.
 #[test]
 fn blocks_made_elsewhere_fill_a_folder() {
     let want = run(&toy(11, 4), Run::plain()).unwrap();

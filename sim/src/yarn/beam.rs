@@ -1,11 +1,10 @@
-//! What the beam hits first: ply 0, or another ply that stands in front of it or beside it (Yu 2025, 5.3,
-//! last paragraphs).
+//! First hits of the beam: ply 0, or another ply in front of it or beside it (Yu 2025, 5.3, last paragraphs).
 //!
 //! The beam's lateral profile is cut into thin lines. The plies are visited in the order of their height, and
 //! each stops the share of a line that hits a fiber. Ply 0 then scatters its own slice of the table,
 //! f(theta_i, h), scaled to the energy that it stops; another ply scatters the slices at the offsets of the
-//! lines that it stops. What no ply stops misses the yarn. So energies are those of the lines alone, whatever
-//! the slices' own Monte Carlo errors beside the rim.
+//! lines that it stops. Light that no ply stops misses the yarn. So the energies are those of the lines alone
+//! and do not depend on the slices' Monte Carlo errors near the rim.
 
 use super::geometry::Intercept;
 use plywave::math::axis;
@@ -13,26 +12,25 @@ use plywave::spec::{GaussianBeam, PlyRing};
 use plywave::table::Table;
 use std::f64::consts::TAU;
 
-/// Samples of psi in what a bin has of a valid range.
+/// Samples of psi in the overlap of a bin and a valid range.
 const SUB: usize = 8;
 /// Lines of a beam, and the standard deviations that they cover to each side.
 const LINES: usize = 96;
 const SDS: f64 = 5.0;
-/// Least share of a beam that a slice is of, for its factor.
+/// Least share of a hit beam by which factors of its slice are divided.
 const MIN_MET: f64 = 1e-6;
 /// Bins of psi over which the missed light alone is averaged.
 const BINS: usize = 36;
 
-/// Where a beam's power goes, averaged over the valid orientations of the yarn.
+/// Distribution of a beam's power, averaged over the valid orientations of the yarn.
 pub(crate) struct FirstHits {
-    /// `(n', [psi])`: factors of the table's slice at offset n', scattered by a ply that lies at psi (bins of
-    /// a turn).
+    /// `(n', [psi])`: factors of the table's slice at offset n', scattered by a ply at psi (bins of a turn).
     pub parts: Vec<(usize, Vec<f64>)>,
     /// Fraction that misses the yarn.
     pub r_d: f64,
 }
 
-/// Of the beam at node `(m, n)`, with `bins` of psi.
+/// First hits of the beam at node `(m, n)`, with `bins` of psi.
 pub(crate) fn first_hits(
     table: &Table,
     ring: &PlyRing,
@@ -81,8 +79,8 @@ pub(crate) fn first_hits(
     FirstHits { parts, r_d: missed }
 }
 
-/// Valid orientations psi of the yarn for a beam at `h`, and their shares: the middles of equal parts of what
-/// each bin has of each valid range, whose ends are sharp.
+/// Valid orientations psi of the yarn for a beam at `h`, and their shares: the middles of equal parts of the
+/// overlap of each bin and each valid range, whose ends are sharp.
 fn orientations(ring: &PlyRing, h: f64, bins: usize) -> Vec<(f64, f64)> {
     let ranges = ring.valid_ranges(h);
     let per_turn = 1.0 / ranges.iter().map(|(a, b)| b - a).sum::<f64>().max(f64::MIN_POSITIVE);
@@ -97,8 +95,8 @@ fn orientations(ring: &PlyRing, h: f64, bins: usize) -> Vec<(f64, f64)> {
         .collect()
 }
 
-/// Share of the beam at offset `h` that misses the whole yarn, averaged over its valid orientations: what
-/// every line of it has left behind all plies.
+/// Share of the beam at offset `h` that misses the whole yarn, averaged over its valid orientations: the
+/// remaining share of its lines behind all plies.
 pub(crate) fn missed(ring: &PlyRing, beam: &GaussianBeam, intercept: &Intercept, h: f64) -> f64 {
     let lines = lines(beam, h);
     let missed = |(psi, share): (f64, f64)| -> f64 {
@@ -117,7 +115,7 @@ fn lines(beam: &GaussianBeam, h: f64) -> Vec<(f64, f64)> {
     (0..LINES).map(|i| (h + sd * t(i), (-0.5 * t(i) * t(i)).exp() / total)).collect()
 }
 
-/// Nodes around an offset, with factors of the table's slices there that make a unit of scattered and
+/// Nodes around an offset, with factors that normalize the table's slices there to a unit of scattered and
 /// absorbed energy.
 fn at_nodes(table: &Table, r_d: &[f64], h: f64) -> [(usize, f64); 2] {
     let last = table.h_um.len() - 1;

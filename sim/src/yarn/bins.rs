@@ -6,7 +6,7 @@ use plywave::math::axis;
 use plywave::table::OutgoingGrid;
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
-/// Overlaps of the table's rows and columns with coarse ones: of coarse index i, the table's indices and
+/// Overlaps of the table's rows and columns with coarse ones: for each coarse index, the table's indices and
 /// their measures.
 pub(crate) struct Overlap {
     /// `[coarse row]`: table row and the difference of the sines of their common latitudes.
@@ -17,8 +17,8 @@ pub(crate) struct Overlap {
 }
 
 impl Overlap {
-    /// Coarse columns begin at azimuth `start` [rad]. When `mirrored`, coarse (theta, phi) is the table's
-    /// (-theta, pi - phi).
+    /// Overlaps with coarse columns that begin at azimuth `start` [rad]. When `mirrored`, coarse (theta, phi)
+    /// is the table's (-theta, pi - phi).
     pub fn new(grid: OutgoingGrid, rows: usize, columns: usize, start: f64, mirrored: bool) -> Overlap {
         let latitude = |i: usize, n: usize| PI * i as f64 / n as f64 - FRAC_PI_2;
         let row = |i: usize| {

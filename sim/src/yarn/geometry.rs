@@ -3,9 +3,9 @@
 //!
 //! A ray leaves ply 0 in azimuth phi at lateral position t along x' = (-sin phi, cos phi). It hits ply p,
 //! whose center is c, at the offset h' = t - c . x' in that ply's frame, whose y' axis points back along the
-//! ray. A ply stops only the share s(h') of a line, which hits a fiber. The plies are visited in their order
-//! along the ray; each stops the share s of the remaining light, and what remains in the end escapes. So the
-//! shares add up to 1 exactly.
+//! ray. A ply stops only the share s(h') of a line that hits a fiber. The plies are visited in their order
+//! along the ray; each stops the share s of the remaining light, and the light that remains at the end
+//! escapes. So the shares add up to 1 exactly.
 
 use plywave::math::axis;
 use plywave::spec::PlyRing;
@@ -20,8 +20,8 @@ pub(crate) struct Intercept {
 }
 
 impl Intercept {
-    /// At each incident latitude of the table: from the paths that hit the ply where that was recorded, else
-    /// 1 - r_d of the beam, whose waist blurs the ply's edge.
+    /// Intercepts at each incident latitude of the table: from the paths that hit the ply if the table
+    /// records them, else 1 - r_d of the beam, whose waist blurs the ply's edge.
     pub fn of_table(table: &Table, radius_um: f64) -> Vec<Intercept> {
         let rows = table.theta_i.len();
         let columns = table.h_um.len();
@@ -47,7 +47,7 @@ impl Intercept {
             .collect()
     }
 
-    /// At each latitude of the table's fine energies, if it has them.
+    /// Intercepts at each latitude of the table's fine energies, if it has them.
     pub fn fine(table: &Table) -> Vec<Intercept> {
         let Some(energies) = table.energies.as_ref().filter(|e| !e.met.is_empty()) else { return Vec::new() };
         let (rows, reach_um) = (energies.miss_theta_i.len(), energies.miss_h_um[energies.miss_h_um.len() - 1]);
@@ -55,16 +55,16 @@ impl Intercept {
         values.map(|met| Intercept { values: met.iter().map(|v| f64::from(*v)).collect(), reach_um }).collect()
     }
 
-    /// At the latitudes of the table's slices, of those of its fine energies, if it has them: the parts are
-    /// finer than those of [`Intercept::of_table`].
+    /// Intercepts at the latitudes of the table's slices, from its fine energies, if it has them: the parts
+    /// are finer than those of [`Intercept::of_table`].
     pub fn of_beams(table: &Table) -> Option<Vec<Intercept>> {
         let fine = Intercept::fine(table);
         let steps = fine.len().checked_sub(1)? / (table.theta_i.len() - 1);
         Some(fine.into_iter().step_by(steps.max(1)).collect())
     }
 
-    /// Mean over the latitudes, by the light of an even sphere, and over both signs of the offset, which a
-    /// turned ply exchanges.
+    /// Mean over the latitudes, weighted by the light of an even sphere, and over both signs of the offset,
+    /// which a turn of the ply exchanges.
     pub fn mean(all: &[Intercept], theta: &[f64]) -> Intercept {
         let n = all[0].values.len();
         let total: f64 = theta.iter().map(|t| t.cos()).sum();
@@ -86,7 +86,7 @@ impl Intercept {
     }
 }
 
-/// Sizes of the grids that light between plies lives on.
+/// Sizes of the grids of light between plies.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Level {
     /// Rows of latitude theta_o.
@@ -115,24 +115,24 @@ impl Level {
     }
 }
 
-/// Shares of the light that leaves a ply, by azimuth relative to psi and by lateral position.
+/// Flights of the light that leaves a ply, by azimuth relative to psi and by lateral position.
 pub(crate) struct Flights {
     pub azimuths: usize,
     pub positions: usize,
     pub others: usize,
     pub offsets: usize,
-    /// `[azimuth - psi][position][ply - 1][h']`: share that hits that ply there.
+    /// `[azimuth - psi][position][ply - 1][h']`: share that hits that ply at h'.
     pub hits: Vec<f32>,
     /// `[azimuth - psi][position]`: share that hits no other ply.
     pub escape: Vec<f32>,
 }
 
-/// Samples of an azimuth bin, of a cell of psi and of a lateral position.
+/// Samples per azimuth bin, per cell of psi and per lateral position.
 const SUB: usize = 4;
 
 impl Flights {
-    /// Over bins of azimuth of the same width as the bins of psi, both evenly filled, light leaving at
-    /// `positions` equal parts of [-R, R].
+    /// Flights over bins of azimuth of the same width as the bins of psi, both evenly filled, for light that
+    /// leaves at `positions` equal parts of [-R, R].
     pub fn new(ring: &PlyRing, azimuths: usize, positions: usize, offsets: usize, met: &Intercept) -> Flights {
         let others = ring.plies as usize - 1;
         let mut flights = Flights {
@@ -176,7 +176,7 @@ impl Flights {
         flights
     }
 
-    /// The same for light spread evenly over the positions and over cells of psi:
+    /// Flights of light spread evenly over the positions and over cells of psi:
     /// `hits[azimuth - first bin of the cell][ply - 1][h']`, `escape[..]`.
     pub fn of_cells(&self) -> CellFlights {
         let (n, width) = (self.azimuths, self.others * self.offsets);

@@ -1,5 +1,5 @@
-//! Scattering by a ply of light that another ply sent: a matrix over latitude and offset for each azimuthal
-//! frequency (Yu 2025, 5.3).
+//! Scattering of light from another ply: a matrix over latitude and offset for each azimuthal frequency (Yu
+//! 2025, 5.3).
 //!
 //! Light that travels in direction (theta_o, phi_o) arrives at the latitude theta_i' = -theta_o, and a global
 //! azimuth phi is phi' = phi - phi_o - pi/2 in the ply's frame. So the energy that leaves is
@@ -7,8 +7,8 @@
 //! `E'(theta,
 //! phi) = sum over theta_o, h', phi_o of A(theta_o, h', phi_o) F(-theta_o, h'; theta, phi - phi_o - pi/2)`,
 //!
-//! F the table's distribution of light that hits the ply: a circular convolution over the azimuth, a product
-//! for each of its frequencies.
+//! where F is the table's distribution of light that hits the ply. This is a circular convolution over the
+//! azimuth: a product at each frequency.
 
 use super::bins::Overlap;
 use super::geometry::Level;
@@ -24,7 +24,7 @@ use std::sync::Arc;
 
 type C32 = Complex<f32>;
 
-/// Light that a slice of the table holds.
+/// Part of the light in a slice of the table.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Light {
     /// Reflection-only light.
@@ -51,8 +51,8 @@ pub(crate) struct Scratch {
     work: Vec<C32>,
 }
 
-/// Light of a unit of energy that hit the ply at latitude `theta_i` (any sign) and offset `h_um`, in coarse
-/// bins of the level with azimuths counted from the light's own direction of travel.
+/// Response to a unit of energy that hits the ply at latitude `theta_i` (any sign) and offset `h_um`, in
+/// coarse bins of the level; azimuths count from the light's direction of travel.
 fn response(table: &Table, light: Light, level: Level, theta_i: f64, h_um: f64) -> Vec<f32> {
     let width = TAU / level.azimuths as f64;
     let mirrored = theta_i < 0.0;
@@ -106,7 +106,7 @@ impl Kernel {
         Kernel { level, spectra, forward, inverse }
     }
 
-    /// Energies that leave, `out[cell][theta][phi]`, of those that arrive,
+    /// Computes the energies that leave, `out[cell][theta][phi]`, from those that arrive,
     /// `arrivals[cell][theta_o][h'][phi_o]`.
     pub fn scatter(&self, arrivals: &[f32], out: &mut [f32], scratch: &mut Scratch) {
         let Level { rows, azimuths, cells, offsets } = self.level;
@@ -115,7 +115,7 @@ impl Kernel {
         scratch
             .work
             .resize(self.forward.get_inplace_scratch_len().max(self.inverse.get_inplace_scratch_len()), C32::default());
-        // Two real lines a transform, one as the imaginary part of the other.
+        // Two real lines per transform, one as the imaginary part of the other.
         // `[frequency][cell][theta_o][h']`.
         scratch.spectra.resize(frequencies * cells * inputs, C32::default());
         let half = C32::new(0.5, 0.0);
@@ -222,7 +222,7 @@ mod tests {
         }
     }
 
-    /// The slow way: every arriving bin sends its response, turned to its azimuth.
+    /// Brute-force reference: every arriving bin sends its response, turned to its azimuth.
     #[test]
     fn convolution_by_frequencies_is_the_double_loop() {
         let table = table();
@@ -257,7 +257,7 @@ mod tests {
         }
     }
 
-    /// Light that goes straight on: exact forward of the table's frame is the direction that it came with.
+    /// Light that goes straight on: exact forward in the table's frame is the light's own direction.
     #[test]
     fn exact_forward_is_straight_on() {
         let mut table = table();

@@ -1,13 +1,13 @@
-//! The table of a yarn of P plies, computed from the table of one ply (Yu 2025, 5.3, Eq. 9-10). It is fitted
-//! like any other table.
+//! Table of a yarn of P plies, computed from the table of one ply (Yu 2025, 5.3, Eq. 9-10). It is fitted like
+//! any other table.
 //!
 //! `f_multi = f_direct + f_conv + f_resi`, averaged over the yarn's valid orientations psi:
 //!
-//! - what the beam hits first: ply 0, and the plies that catch some of the beam before or beside it
+//! - *first hits* of the beam: ply 0, and the plies that stop some of the beam before or beside it
 //!   (`beam.rs`);
 //! - *direct*: light of a ply's slice that no other ply stops. The flights between plies are 2D
-//!   (`geometry.rs`): each ply stops the share of a line that hits a fiber, and the rest goes on, so that the
-//!   shares add up to 1;
+//!   (`geometry.rs`): each ply stops the share of a line that hits a fiber, and the rest continues, so that
+//!   the shares add up to 1;
 //! - *conv*: the ply that stopped the light scatters it, at the latitude -theta_o and the offset h' at which
 //!   it arrives, by the same table:
 //!   a circular convolution over azimuth (`kernel.rs`);
@@ -15,13 +15,13 @@
 //!   distributed like the last order.
 //!
 //! The paper stops after conv and gives the rest a guessed diffuse lobe. As all plies are alike, light that
-//! leaves ply p of a yarn that lies at psi leaves ply 0 of one that lies at psi + 2 pi p / P: a state over
-//! (psi, theta_o, phi_o) is all that orders need.
+//! leaves ply p of a yarn at psi leaves ply 0 of a yarn at psi + 2 pi p / P. So the orders only need a state
+//! over (psi, theta_o, phi_o).
 //!
 //! f_refl and f_high are kept apart: light that was only reflected at every ply is f_refl, all else f_high.
-//! At each absorption the chain of all light is computed, and that of f_refl is subtracted. Where in its
-//! azimuth light leaves a ply is the table's own record ([`plywave::table::ExitPositions`]) for the first
-//! exit; the paper's even spread serves later ones, and tables without the record.
+//! At each absorption the chain of all light is computed, and that of f_refl is subtracted. The lateral
+//! positions of the first exit come from the table's record ([`plywave::table::ExitPositions`]); later exits,
+//! and tables without the record, use the paper's even spread.
 
 mod beam;
 mod bins;
@@ -53,8 +53,8 @@ pub struct YarnOptions {
     pub cells: usize,
     /// Offsets h' at which light hits a ply.
     pub offsets: usize,
-    /// Take the first exit's positions from the table where it has them; else light leaves evenly over the
-    /// ply's width.
+    /// Whether to take the first exit's positions from the table where it has them; else light leaves evenly
+    /// over the ply's width.
     pub exits: bool,
     /// Fraction of a chain's light below which the remaining orders are summed as a geometric series.
     pub tolerance: f64,
@@ -66,7 +66,7 @@ impl Default for YarnOptions {
     }
 }
 
-/// Where the beam's power goes, `[theta_i][h][sigma]` but for `r_d`. Their sum is 1.
+/// Distribution of the beam's power, `[theta_i][h][sigma]` except for `r_d`. The fields sum to 1.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct YarnLedger {
     /// Light that one ply scattered and no other stopped.
@@ -75,15 +75,15 @@ pub struct YarnLedger {
     pub conv: Vec<f64>,
     /// Light that more plies scattered.
     pub residual: Vec<f64>,
-    /// Light that was absorbed; at sigma = 0, the table's own Monte Carlo error and its killed paths.
+    /// Absorbed light; at sigma = 0, the table's Monte Carlo error and killed paths.
     pub absorbed: Vec<f64>,
     /// `[theta_i][h]`: light that missed the yarn.
     pub r_d: Vec<f64>,
 }
 
-/// The table of the yarn of `spec` from the table of one of its plies, and the ledger of its light. The
-/// result depends on table and options alone.
-/// `progress` is called with incidences done and in all.
+/// Computes the table of the yarn of `spec` from the table of one of its plies, and the ledger of its light.
+/// The result depends on table and options alone. `progress` is called with the incidences done and their
+/// total.
 ///
 /// # Errors
 /// [`SimError::Runtime`] when the table's arrays do not fit together, [`SimError::Table`] when it is not of a
@@ -137,8 +137,7 @@ pub fn yarn_table(
     Ok((out, ledger))
 }
 
-/// The yarn's missed light on the fine grid of its ply's; what becomes of the rest at the nodes of its
-/// slices.
+/// The yarn's missed light on the fine grid of the ply's; the other energies at the nodes of its slices.
 fn fine_energies(ply: &Table, yarn: &Table, spec: &YarnSpec) -> Option<TableEnergies> {
     let fine = ply.energies.as_ref()?;
     let intercepts = Intercept::fine(ply);
@@ -160,18 +159,19 @@ fn fine_energies(ply: &Table, yarn: &Table, spec: &YarnSpec) -> Option<TableEner
     })
 }
 
-/// What is the same for all incidences.
+/// Data shared by all incidences.
 struct Yarn<'a> {
     table: &'a Table,
     spec: &'a YarnSpec,
     fine: Level,
-    /// At each latitude of the table, of the light that comes in.
+    /// Intercepts of the incident light at each latitude of the table.
     intercepts: Vec<Intercept>,
     flights: Flights,
     escape: Vec<f32>,
-    /// Reflection-only light, then all light at each sigma: the first hop, then the orders beyond.
+    /// Kernel of the first hop and the orders beyond: for reflection-only light, then for all light at each
+    /// sigma.
     kernels: Vec<(Kernel, Orders)>,
-    /// The table's bins over the fine level's.
+    /// Overlap of the table's bins with the fine level's.
     overlap: Overlap,
     exits: bool,
     tolerance: f64,
@@ -183,7 +183,7 @@ struct Node {
     refl: Vec<f32>,
     /// `[sigma]`.
     high: Vec<Vec<f32>>,
-    /// Integral of the variance of f_refl, then of f_high at each sigma [1/sr]; that of the light between
+    /// Integral of the variance of f_refl, then of f_high at each sigma [1/sr]; the noise of light between
     /// plies counts as averaged out.
     noise: Vec<f64>,
     /// `[sigma]`: direct, conv, residual, absorbed.
@@ -193,7 +193,7 @@ struct Node {
     se: f64,
 }
 
-/// Direct light of a part of the table and what it sends to the other plies.
+/// Direct light of a part of the table.
 struct FirstExit {
     /// `[bin]`: density [1/sr] on the table's grid.
     direct: Vec<f64>,
@@ -315,8 +315,8 @@ impl<'a> Yarn<'a> {
         out
     }
 
-    /// Light `channel` of the plies that the beam hits, after its first flight: what escapes, and in
-    /// `arrivals[node][cell][theta_o][h'][phi_o]`, added, what arrives at other plies.
+    /// Light `channel` of the plies that the beam hits, after its first flight: returns the light that
+    /// escapes, and adds the light that arrives at other plies to `arrivals[node][cell][theta_o][h'][phi_o]`.
     fn first_exits(
         &self,
         m: usize,
@@ -415,7 +415,7 @@ impl<'a> Yarn<'a> {
                         energy += v * solid_angle;
                     }
                 }
-                // The variance of a bin goes like its density.
+                // The variance of a bin is proportional to its density.
                 let scale = if energy > 0.0 { noise / energy } else { 0.0 };
                 out[i].noise.add(source, variance, scale, |from| correlated[from * columns + source]);
             }
@@ -423,7 +423,7 @@ impl<'a> Yarn<'a> {
         out
     }
 
-    /// All orders beyond the first flight of the light that arrives, of kernel `light`.
+    /// All orders beyond the first flight, of the arriving light of kernel `light`.
     fn chain(&self, light: usize, arrivals: &[f32], scratch: &mut Scratch) -> Chain {
         let (kernel, orders) = &self.kernels[light];
         let mut state = vec![0.0f32; self.fine.state_len()];
@@ -439,7 +439,7 @@ impl<'a> Yarn<'a> {
     }
 }
 
-/// The yarn's table from its nodes in order, with everything else of the ply's.
+/// Assembles the yarn's table from its nodes in order; everything else is the ply's.
 fn assemble(table: &Table, plies: u32, nodes: impl Iterator<Item = Node>) -> (Table, YarnLedger) {
     let sigmas = table.sigma_per_um.len();
     let grid: OutgoingGrid = table.grid;
@@ -454,8 +454,8 @@ fn assemble(table: &Table, plies: u32, nodes: impl Iterator<Item = Node>) -> (Ta
         out.r_d[i] = node.r_d;
         out.energy_refl[i] = energy(&node.refl);
         out.energy_killed[i] = node.killed;
-        // Each later scattering takes part in the table's error too: once in conv, some three times in what
-        // remains.
+        // Each later scattering adds to the table's error too: once in conv, about three times in the
+        // residual.
         out.energy_se[i] = (node.se + (node.ledger[0][1] + 3.0 * node.ledger[0][2]) * mean_se).min(1.0);
         out.noise_refl[i] = node.noise[0];
         out.refl.extend(node.refl);
@@ -475,7 +475,7 @@ fn assemble(table: &Table, plies: u32, nodes: impl Iterator<Item = Node>) -> (Ta
 }
 
 impl Chain {
-    /// Adds the density of conv and residual to `out[bin]`, less that of the chain `less`.
+    /// Adds the density of conv and residual, minus that of the chain `less`, to `out[bin]`.
     fn add_density(&self, less: Option<&Chain>, grid: OutgoingGrid, out: &mut [f64]) {
         let mut part = vec![0.0; grid.len()];
         for (map, less, level) in

@@ -1,23 +1,22 @@
 //! Noise of a sum of slices at different offsets.
 //!
-//! One path serves every offset (`sim/src/shard.rs`): it counts for h by the beam's density g(x - h) at its
-//! lateral position x. So slices at neighboring offsets share paths. With m(x) the chance to hit a fiber,
-//! which weights where the light comes from, the correlation of the noise at h and h' is
+//! One path serves every offset (`sim/src/shard.rs`): its weight for h is the beam's density g(x - h) at its
+//! lateral position x. So slices at neighboring offsets share paths. With m(x) the probability to hit a
+//! fiber, which weights the origin of the light, the correlation of the noise at h and h' is
 //!
 //! ```text
 //! integral g(x - h) g(x - h') m(x) dx / sqrt(integral g(x - h)^2 m(x) dx * integral g(x - h')^2 m(x) dx)
 //! ```
 //!
 //! Within the ply, where m is even, it is exp(-(h - h')^2 / (4 s^2)), s the standard deviation of g: 0.7 from
-//! node to node of usual tables. At the rim, where beams hit only the same edge, it is near 1. Added up as if
-//! they were independent, the parts of a beam beyond the rim, which hits many offsets of other plies, would
-//! have half of their noise.
+//! node to node of usual tables. At the rim, where beams hit only the same edge, it is near 1. A beam beyond
+//! the rim hits many offsets of other plies; treating its parts as independent would halve their noise.
 
-/// The least correlation that counts.
+/// Least correlation that counts.
 const MIN: f64 = 1e-3;
 
-/// Correlation of the noise of slices at `h_um[n]` and `h_um[k]`, `[n][k]`, `hit` the chance to hit a fiber
-/// at x; 0 between slices that no light reaches.
+/// Correlation of the noise of slices at `h_um[n]` and `h_um[k]`, `[n][k]`. `hit` is the probability to hit a
+/// fiber at x. 0 between slices that no light reaches.
 pub(super) fn correlations(h_um: &[f64], beam_sd_um: f64, hit: impl Fn(f64) -> f64) -> Vec<f64> {
     const SDS: f64 = 5.0;
     let step = 0.125 * beam_sd_um;
@@ -47,8 +46,8 @@ pub(super) struct PartsNoise {
 }
 
 impl PartsNoise {
-    /// Adds the slice at offset node `node` of the variance `scale * variance[bin]` (solid angle included);
-    /// `correlation` with the slices of earlier nodes.
+    /// Adds the slice at offset node `node` with the variance `scale * variance[bin]` (solid angle included)
+    /// and its `correlation` with the slices of earlier nodes.
     pub fn add(&mut self, node: usize, variance: Vec<f32>, scale: f64, correlation: impl Fn(usize) -> f64) {
         self.recent.retain(|(from, _)| correlation(*from) >= MIN);
         self.integral += scale * variance.iter().map(|v| f64::from(*v)).sum::<f64>();
@@ -72,9 +71,9 @@ mod tests {
     use rand::{RngExt, SeedableRng};
     use rand_pcg::Pcg64Mcg;
 
-    /// Slices made of the same paths, each path weighted by the beam's density at every offset, and summed
-    /// with some weights: the sum's variance from run to run is the one that follows from the slices' own,
-    /// and not the sum of independent ones.
+    /// Slices share paths, each path weighted by the beam's density at every offset, and are summed with some
+    /// weights. The sum's variance from run to run is the one predicted from the slices' variances, not that
+    /// of independent slices.
     #[test]
     fn noise_of_slices_that_share_paths() {
         let (s, step_um, nodes, bins, paths, runs) = (5.0f64, 5.83f64, 9, 24, 1500, 400);
@@ -87,7 +86,7 @@ mod tests {
         assert!((correlated[4 * nodes + 5] - (-0.25 * (step_um / s).powi(2)).exp()).abs() < 0.02);
         assert!(correlated[1] > 0.9 && correlated[nodes + 1] == 1.0);
         let mut rng = Pcg64Mcg::seed_from_u64(5);
-        // Density of the bins: uneven, the same for every x.
+        // Uneven density of the bins, the same for every x.
         let cumulative = |b: usize| (b as f64 / bins as f64).powi(2);
         let (mut sums, mut squares) = (vec![0.0; bins], vec![0.0; bins]);
         let (mut own, mut own2) = (vec![vec![0.0; bins]; nodes], vec![vec![0.0; bins]; nodes]);
@@ -117,7 +116,7 @@ mod tests {
         let mut apart = 0.0;
         for n in (0..nodes).filter(|n| weights[*n] > 0.0) {
             let total: f64 = (0..bins).map(|b| variance(own[n][b], own2[n][b])).sum::<f64>();
-            // As the construction has it: the slice's integral of variance, spread like its density.
+            // As in the construction, the slice's integral of variance is spread like its density.
             let factor = |b: usize| (cumulative(b + 1) - cumulative(b)) * weights[n] * weights[n];
             noise.add(n, (0..bins).map(|b| factor(b) as f32).collect(), total, |from| correlated[from * nodes + n]);
             apart += total * weights[n] * weights[n];

@@ -1,11 +1,11 @@
-//! Orders of scattering beyond the second ply, one after the other, until little remains; the rest is
+//! Orders of scattering beyond the second ply, one after the other, until little energy remains; the rest is
 //! distributed like the last order.
 
 use super::geometry::{BINS_A_CELL, CellFlights, Level};
 use super::kernel::{Kernel, Scratch};
 use std::sync::Arc;
 
-/// Orders after which a chain ends in its geometric series, whatever remains.
+/// Largest number of orders before a chain ends in its geometric series.
 const MAX_ORDERS: usize = 100;
 
 /// Light of one kind that hit a second ply, followed to its end.
@@ -38,13 +38,13 @@ impl Chain {
         }
     }
 
-    /// Removes what escapes from `state[cell][theta_o][phi_o]`, the light that leaves the second ply.
+    /// Removes the escaping light from `state[cell][theta_o][phi_o]`, the light that leaves the second ply.
     pub fn escape(&mut self, level: Level, state: &mut [f32], escape: &[f32]) {
         self.conv = escape_from(level, state, escape, &mut self.first);
     }
 }
 
-/// Removes what escapes from a state and adds it to `map[theta_o][phi_o]`; returns its energy.
+/// Removes the escaping light from a state and adds it to `map[theta_o][phi_o]`; returns its energy.
 fn escape_from(level: Level, state: &mut [f32], escape: &[f32], map: &mut [f64]) -> f64 {
     let Level { rows, azimuths, cells, .. } = level;
     let mut total = 0.0;
@@ -75,8 +75,8 @@ impl Orders {
         Orders { kernel, level, plies: plies as usize, flights }
     }
 
-    /// All orders from `stopped[cell][theta_o][phi_o]`, light that left the second ply and was stopped by a
-    /// third, on a grid twice as fine.
+    /// Follows all orders from `stopped[cell][theta_o][phi_o]`, light that left the second ply and was
+    /// stopped by a third, on a grid twice as fine.
     pub fn run(&self, chain: &mut Chain, fine: Level, stopped: &[f32], tolerance: f64, scratch: &mut Scratch) {
         let sum = |v: &[f32]| v.iter().map(|v| f64::from(*v)).sum::<f64>();
         let mut energy = sum(stopped);
@@ -87,7 +87,7 @@ impl Orders {
         }
         let mut state = self.coarsen(fine, stopped);
         let mut arrivals = vec![0.0f32; self.level.state_len() * self.level.offsets];
-        // Light that is known to be stopped: the share that the coarser flights would let go is kept in.
+        // This light is known to be stopped, so the share that escapes by the coarser flights is kept.
         self.arrive(&state, &mut arrivals);
         let scale = (energy / sum(&arrivals).max(1e-30)) as f32;
         arrivals.iter_mut().for_each(|v| *v *= scale);
@@ -115,7 +115,7 @@ impl Orders {
         }
     }
 
-    /// `arrivals[cell][theta_o][h'][phi_o]` of the light that leaves.
+    /// Computes `arrivals[cell][theta_o][h'][phi_o]` of the light that leaves.
     fn arrive(&self, state: &[f32], arrivals: &mut [f32]) {
         let Level { rows, azimuths, cells, offsets } = self.level;
         let others = self.plies - 1;

@@ -14,13 +14,13 @@ use super::{CostGradient, LbfgsbError, LbfgsbOptions, LbfgsbStop};
 /// Relative changes of cost or variables up to this are rounding.
 const ROUNDING: f64 = 10.0 * f64::EPSILON;
 
-/// One minimization between two iterations: everything that a checkpoint must hold.
+/// State of a minimization between two iterations: all that a checkpoint must hold.
 #[derive(Serialize, Deserialize)]
 pub(super) struct Run {
     pub(super) lower: Vec<f64>,
     pub(super) upper: Vec<f64>,
     numerics: basin::Lbfgsb<Vec<f64>, f64, SteppingBack>,
-    /// Point, cost, gradient; taken during an iteration, and lost only when the objective fails in it.
+    /// Point, cost, gradient; moved out during an iteration, and lost only when the objective fails in it.
     progress: Option<FirstOrderState<Vec<f64>>>,
     pub(super) iterations: u64,
     pub(super) evaluations: u64,
@@ -107,8 +107,8 @@ impl Run {
         self.stop = if stationary && rise <= ROUNDING {
             Some(LbfgsbStop::Gradient)
         } else if rise > 0.0 || (completed && rise == 0.0 && !moved) {
-            // A search that can narrow its interval no further gives its last point, which may lie above the
-            // first one.
+            // A search that cannot narrow its interval further returns its last point, whose cost may exceed
+            // the first one's.
             let restored = progress.replace(x_old, cost_old, gradient_old);
             restored.map_err(|error| LbfgsbError::Objective(argmin::core::Error::msg(error.to_string())))?;
             Some(if rise <= ROUNDING && moved {
@@ -136,7 +136,7 @@ pub(super) fn projected_gradient(x: &[f64], gradient: &[f64], lower: &[f64], upp
     components.fold(0.0, |norm, component| component.abs().max(norm))
 }
 
-/// An evaluation that the numerics may not use.
+/// An evaluation that `basin` must not use.
 enum Refusal {
     /// Cost or gradient is not finite at `x`.
     NotFinite { x: Vec<f64>, cost: f64 },
@@ -216,12 +216,12 @@ impl<O: CostGradient + ?Sized> basin::Gradient for Boxed<'_, O> {
 
 /// Moré-Thuente search that starts over nearer to its origin when it reaches a point that is not finite.
 ///
-/// The search interpolates, so one infinity would poison its bracket. Half the step that failed becomes the
-/// new bound, a quarter of it the new first trial.
+/// The search interpolates, so an infinity would spoil its bracket. Half the failed step becomes the new
+/// bound, a quarter of it the new first trial.
 #[derive(Serialize, Deserialize)]
 struct SteppingBack(MoreThuente<f64>);
 
-/// A quarter each time: 4^-26 is the resolution of f64.
+/// Largest number of retreats, each to a quarter: 4^-26 is the resolution of f64.
 const MAX_RETREATS: usize = 26;
 
 impl<O: CostGradient + ?Sized> LineSearch<Boxed<'_, O>, Vec<f64>, f64> for SteppingBack {
