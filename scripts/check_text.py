@@ -50,7 +50,7 @@ def sentences():
         for number, line, in_code in lines(name):
             if in_code or line.lstrip().startswith(("|", "#", "    ", "![")):
                 continue
-            if SENTENCE.search(NO_END.sub("x ", re.sub(r"`[^`]*`|\([^()]*\)", "x", line))):
+            if SENTENCE.search(NO_END.sub("x ", re.sub(r"`[^`]*`|\([^()]*\)", "code", line))):
                 yield f"{name}:{number}: two sentences in a line; begin a line with each"
 
 

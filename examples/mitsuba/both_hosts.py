@@ -15,7 +15,7 @@ import numpy as np
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 SPEC = ROOT / "fabrics" / "polyester_satin.toml"
-#: Absorption of all fibers [1/um], the same at all wavelengths; width of the sheet [mm]; scatterings of a path.
+#: Absorption of all fibers [1/um] at all wavelengths; width of the sheet [mm]; scatterings of a path.
 SIGMA, SIZE, DEPTH = 0.003, 2.0, 4
 
 

@@ -154,7 +154,8 @@ def strand(size, folder):
     return s
 
 
-#: Semi-axes of a hair's section [um], and its absorption [1/um] by wavelength [um]: light brown, half of that of fabrics/strands/hair_ball.toml.
+#: Semi-axes of a hair's section [um], and its absorption [1/um] by wavelength [um]: light brown, half of that
+#: of fabrics/strands/hair_ball.toml.
 HAIR, BROWN = (38.0, 29.0), [(0.40, 0.010), (0.45, 0.007), (0.55, 0.0033), (0.65, 0.0018), (0.70, 0.0014)]
 HAIR_SPEC = """
 name = "hair"

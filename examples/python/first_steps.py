@@ -1,5 +1,6 @@
 # %% [markdown]
-# From a yarn to a picture of its light: build, check, plot, evaluate. Cells are for notebooks and editors; `python examples/python/first_steps.py` runs them all.
+# From a yarn to a picture of its light: build, check, plot, evaluate. Cells are for notebooks and editors;
+# `python examples/python/first_steps.py` runs them all.
 
 # %%
 import argparse

@@ -31,7 +31,7 @@ def _array(value: Any, name: str) -> np.ndarray:
     try:
         return np.asarray(value)
     except (TypeError, ValueError) as error:
-        raise Error(f"{name}: no array of numbers: {' '.join(str(error).split())}") from None
+        raise Error(f"{name}: not an array of numbers: {' '.join(str(error).split())}") from None
 
 
 def channels(value: Any, name: str) -> np.ndarray:
@@ -64,7 +64,7 @@ def count_of(arrays: Dict[str, np.ndarray]) -> int:
             count = n
     if any(n not in (1, count) for n in counts.values()):
         told = ", ".join(f"{name} {arrays[name].shape}" for name in arrays)
-        raise Error(f"the last axes differ: {told}; give one absorption and one wavelength a channel")
+        raise Error(f"the last axes differ: {told}; give one absorption and one wavelength per channel")
     if not 1 <= count <= MAX_CHANNELS:
         told = ", ".join(f"{name} {arrays[name].shape}" for name in arrays)
         raise Error(f"{told}: the last axis is N absorptions or wavelengths; give 1 to {MAX_CHANNELS}")

@@ -6,7 +6,7 @@
 //! direction, weighs the light from `wo`. Light sources are sampled and hit, weighed by the power heuristic;
 //! cloth is thin, paths go on at either side.
 //!
-//! What is left out: subsurface and volumes, textures other than the weave, depth of field, denoising.
+//! Not implemented: subsurface and volumes, textures other than the weave, depth of field, denoising.
 
 mod bvh;
 mod camera;

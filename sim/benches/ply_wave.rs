@@ -2,13 +2,15 @@
 //! ellipse of 7.5 x 6 um turned at random: 13 beams (w0 10 um, h across the ply) in both polarizations at a
 //! far-field error of 1e-3, by the compressed solver.
 //!
-//! `cargo bench -p plywave-sim --bench ply_wave -- [fibers ..] [circles] [merged] [theta=DEG] [tolerance=T] [truth=T]`. With `merged` the coupled system is
-//! solved by merging groups of fibers, and the truth is that of the system solved whole at the tolerance
-//! `truth`. Errors are the largest relative L2 difference over azimuths, beams and polarizations, from the
-//! run at the tolerance `truth` (left out for 0), which is by the multipole series where all fibers are
-//! circles.
-//! Seconds are of the clock and of all threads together; the peak is the process' own so far, beside what the
-//! solver said it would be.
+//! ```text
+//! cargo bench -p plywave-sim --bench ply_wave -- [fibers ..] [circles] [merged] [theta=DEG] [tolerance=T] [truth=T]
+//! ```
+//!
+//! With `merged` the coupled system is solved by merging groups of fibers, and the truth is that of the
+//! system solved whole at the tolerance `truth`. Errors are the largest relative L2 difference over
+//! azimuths, beams and polarizations, from the run at the tolerance `truth` (left out for 0), which is by
+//! the multipole series where all fibers are circles. Seconds are of the clock and of all threads together;
+//! the peak is the process' own so far, beside what the solver said it would be.
 
 use plywave_sim::wave::{
     BeamSource, Body, C64, CompressedSolver, MultipoleSolver, Polarization, Scattered, Shape, Source, Wave, WaveSolver,

@@ -295,7 +295,7 @@ proptest! {
     }
 }
 
-/// Fibers of every kind come back from their own text, and have the index that was asked for.
+/// Fibers of every kind come back from their own text, and have the index of the text.
 #[test]
 fn metals_hollow_circles_blends_and_dispersion_are_read() {
     let gold = YarnSpec::parse(&polyester_with("eta = 1.60", "metal = \"gold\""), "gold").unwrap();

@@ -500,7 +500,7 @@ fn plies_of_bent_yarns_are_met_where_they_are() {
     (warp.ply_radius_um, weft.ply_radius_um) = (47.1, 47.1);
     let denim = Fabric::new(Draft::twill(3, 1).unwrap(), [warp, weft]).unwrap();
     let mut rng = Pcg64Mcg::seed_from_u64(9);
-    // Other yarn or none, other ply, rms of h over R and of theta_i. What is left: plies count as straight on
+    // Other yarn or none, other ply, rms of h over R and of theta_i. The causes: plies count as straight on
     // 2 um, and bends do not stretch them.
     let allowed = [0.007, 0.004, 0.04, 0.045];
     for (from, to) in [(0.0, 0.5), (0.5, 1.05), (1.05, 1.4)] {

@@ -226,7 +226,7 @@ class _Farm:
         except (TimeoutError, asyncio.TimeoutError):
             raise Error(f"the scheduler has not answered for {SILENT_S:g} s; {GOES_ON}") from None
         except (OSError, RuntimeError, asyncio.CancelledError):
-            raise Error(f"the scheduler is gone; {GOES_ON}") from None
+            raise Error(f"the connection to the scheduler is lost; {GOES_ON}") from None
 
     def threads(self) -> Dict[str, int]:
         """Threads of the workers that are there."""
@@ -276,7 +276,7 @@ class _Farm:
         until = time.monotonic() + LOOK_S
         while time.monotonic() < until:
             if self.client.status == "closed":
-                raise Error(f"the scheduler is gone; {GOES_ON}")
+                raise Error(f"the connection to the scheduler is lost; {GOES_ON}")
             while self.done.has_ready():
                 future = next(self.done)
                 # Others were called back.
@@ -292,7 +292,7 @@ class _Farm:
             had = self.flying.pop(worker)
             # Those that `connect` started are counted where they are started.
             if had and self.local is None:
-                self.lose(f"worker {worker} is gone")
+                self.lose(f"worker {worker} was lost")
         if self.local is not None and self.local.deaths > self.local_deaths:
             self.deaths += self.local.deaths - self.local_deaths - 1
             self.local_deaths = self.local.deaths

@@ -34,7 +34,7 @@ const FACTORS: [usize; 4] = [1, 2, 6, 20];
 /// One degree, in those bins.
 const DEGREE: usize = 2;
 /// Half of the range about exact forward that is left out where the report says so [degrees]: some fifteen
-/// times the beam's spread, so that what is left is light that a fiber turned.
+/// times the beam's spread, so that the rest is light that a fiber deflected.
 const FORWARD_DEG: f64 = 10.0;
 /// Curves of a case in a shard: total by waves, missed, reflected, other by rays.
 const CURVES: usize = 4;

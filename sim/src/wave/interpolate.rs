@@ -30,7 +30,7 @@ pub(crate) struct Interpolation {
     pub coefficients: Vec<C64>,
 }
 
-/// Decomposes the `tests x count` matrix that `column` writes, so that what is left is below `tolerance` of
+/// Decomposes the `tests x count` matrix that `column` writes, so that the remainder is below `tolerance` of
 /// its largest entries. `guess` is a rank to begin with.
 pub(crate) fn interpolate(
     tests: usize,

@@ -189,7 +189,7 @@ fn collocation_of_close_cylinders_converges_to_the_series() {
 }
 
 /// Lossy, lossless and hollow cylinders of different sizes; plane waves and beams; each field exact to the
-/// tolerance it was asked for.
+/// given tolerance.
 #[test]
 fn ledger_closes_and_tolerances_hold() {
     let bodies = [

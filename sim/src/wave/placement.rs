@@ -79,7 +79,7 @@ pub(super) fn candidates(
     tolerance: f64,
 ) -> Result<Candidates, WaveError> {
     let (low, high) = bounds(nodes[b].iter());
-    // Beyond this distance from the box no refinement is asked for.
+    // Beyond this distance from the box no refinement is needed.
     let widest = curve.nodes.iter().map(|p| p.speed).fold(0.0, f64::max) * curve.step();
     let margin = widest * ((10.0 / tolerance).ln() / TAU + 2.0);
     let mut close = Vec::new();

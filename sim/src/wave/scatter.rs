@@ -588,7 +588,7 @@ mod tests {
             assert_eq!(report.stats.method, method, "{text}");
             assert!(report.stats.residual <= tolerance);
         }
-        // What was asked for by name is not replaced.
+        // A method given by name is not replaced.
         let text = format!("lambda_um = [1]\nphi_i_deg = [0]\nmethod = \"mie\"\n{}", pair(&circle));
         let error = solve(&Scene::parse(&text).unwrap()).unwrap_err();
         assert!(matches!(error, SimError::Wave(WaveError::Unsupported { method: "mie", .. })), "{error}");

@@ -214,7 +214,7 @@ impl Job for SpeckleJob {
                     return Ok(None);
                 }
                 let wave = options.wave(lambda_um);
-                // Opaque fibers are the same whatever absorption is asked for.
+                // Opaque fibers are the same whatever the absorption.
                 let own = if of.is_opaque() { of.kappa_at(lambda_um) } else { dye[0] * kappa };
                 let mut body = Body { eta: of.eta_at(lambda_um), kappa: own, ..clear.clone() };
                 if let Some(core) = body.lumen.as_deref_mut() {

@@ -1,4 +1,4 @@
-//! Walls that have the same medium on both sides are not there: what is left of bodies without them.
+//! Bodies without their invisible walls, which have the same medium on both sides.
 
 use super::{Body, C64, Scattered, SolverStats, Source, WaveError, WaveSolver};
 
