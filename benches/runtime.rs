@@ -1,11 +1,10 @@
-//! Time of the runtime on one core: eval of all terms, single and in batches, sample + pdf, loading; the slow
-//! f64 reference beside them;
-//! the whole model with its edge light, and weave gaps.
+//! Time of the runtime on one core: eval of all terms, single and in batches, sample + pdf, loading; the f64
+//! brute-force reference for comparison; the whole model with its edge light, and weave gaps.
 //!
-//! `cargo bench -p plywave --bench runtime`. The planted model has 3 reflection lobes, 8 high-order lobes, 8
-//! path lengths;
-//! incidences, absorptions and directions are random, so that hardly two queries share a block. `sample`
-//! gives direction, weight and pdf. Times of a batch are of all its queries; the throughput is of one.
+//! `cargo bench -p plywave --bench runtime`. The synthetic model has 3 reflection lobes, 8 high-order lobes,
+//! 8 path lengths; incidences, absorptions and directions are random, so that queries rarely share a block.
+//! `sample` returns direction, weight and pdf. Times of a batch are of all its queries; the throughput is per
+//! query.
 
 #[path = "../tests/it/synthetic/mod.rs"]
 mod synthetic;
@@ -45,7 +44,7 @@ fn queries() -> Vec<Query> {
         .collect()
 }
 
-/// Tiles of the standard sizes; what is in them does not matter to the time.
+/// Tiles of the standard sizes; their content does not affect the time.
 fn tiles() -> NoiseTiles {
     let mut rng = Pcg64Mcg::seed_from_u64(2);
     let sizes = [4, 512, 1024];
@@ -60,7 +59,7 @@ fn tiles() -> NoiseTiles {
     NoiseTiles { tiles, sizes, code, step, lambda_um: 0.4, fade: [[1.0, 0.0]; 2], contrast: [[1.0; 2]; 2] }
 }
 
-/// Factors of one instance after another, as a host asks for them, and of one instance in all directions.
+/// Factors of one instance after another, as a host needs them, and of one instance in all directions.
 fn noise(c: &mut Criterion) {
     let tiles = tiles();
     let q = queries();
@@ -196,9 +195,8 @@ fn runtime(c: &mut Criterion) {
     });
 }
 
-/// The whole model beside its core (`eval N=4` above): random directions, and directions about the forward
-/// one, where the edge light is;
-/// gaps of random apertures.
+/// The whole model, for comparison with its core (`eval N=4` above): random directions, and directions about
+/// the forward one with the edge light; gaps of random apertures.
 fn whole(c: &mut Criterion, q: &[Query]) {
     let beam = GaussianBeam { w0_um: 10.0, lambda_um: 0.55, d_cut_um: 20.0 };
     let edge = plywave_fit::fit_edge_lobes(&beam, 110.0, &plywave_fit::EdgeOptions::default()).lobes;

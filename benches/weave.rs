@@ -1,10 +1,9 @@
 //! Time of `Fabric::at` on one core: closed and open, one ply and several, twisted or not; random points and
-//! directions of the upper half space. Then of `FabricModel` in three fabrics that ship, four wavelengths,
-//! light from everywhere: a query finds its place, then evaluates, samples, asks the density.
+//! directions of the upper half space. Then of `FabricModel` in three shipped fabrics, with four wavelengths
+//! and light from all directions: a query finds its ply, then evaluates, samples, computes the density.
 //!
-//! `cargo bench -p plywave --bench weave`. The share of gaps stands beside each name: a gap asks all four
-//! yarns around it.
-//! Lines that begin with "memory" tell bytes and loading times of drafts up to the largest.
+//! `cargo bench -p plywave --bench weave`. The share of gaps is beside each name: a gap queries all four
+//! yarns around it. Lines that begin with "memory" show bytes and loading times of drafts up to the largest.
 
 use criterion::{Criterion, criterion_group, criterion_main};
 use plywave::fabric::{Draft, Fabric, FabricModel, FabricOptions, FabricSpec, Hit, UvMap, YarnShape};

@@ -1,5 +1,5 @@
-//! A path tracer's side of a woven fabric: built in memory from bytes, shaded at a point with the point's own
-//! color, turned, and sampled.
+//! A woven fabric in a path tracer: built in memory from bytes, shaded at a point with its own color, turned,
+//! and sampled.
 //!
 //! ```sh
 //! cargo run --release -p plywave --example fabric_host -- [FABRIC.toml]
@@ -50,8 +50,8 @@ fn run() -> plywave::Result<()> {
     let bias = FabricQuery { turn_rad: std::f32::consts::FRAC_PI_4, ..query };
     println!("cut on the bias  {}", rgb(fabric.at(&bias).eval(light)));
 
-    // One bounce of a path tracer, many times over random points: what comes back, what goes through, what
-    // goes straight through gaps.
+    // One bounce of a path tracer, many times over random points: light reflected, transmitted, and straight
+    // through gaps.
     let mut rng = Pcg32::seed_from_u64(1);
     let (mut back, mut through, mut straight) = ([0.0f32; 3], [0.0f32; 3], [0.0f32; 3]);
     for _ in 0..SAMPLES {

@@ -1,11 +1,11 @@
-//! A renderer's side of a single fiber: intersect its width, evaluate it at several wavelengths, sample it.
+//! A single fiber in a renderer: intersect its width, evaluate it at several wavelengths, sample it.
 //!
 //! ```sh
 //! cargo run --release -p plywave --example fiber_host -- [FIBER.pwf]
 //! ```
 //!
-//! `plywave wave tabulate SPEC.toml` makes a fiber file. Without an argument the example takes a made-up one:
-//! a lossless round fiber with a forward peak.
+//! `plywave wave tabulate SPEC.toml` writes a fiber file. Without an argument the example uses a synthetic
+//! one: a lossless round fiber with a forward peak.
 
 use plywave::fiber::{FiberSource, FiberTable, OutlineSymmetry, TabulatedFiber};
 use plywave::frame::direction;
@@ -38,8 +38,8 @@ fn run() -> plywave::Result<()> {
     println!("cylinder to intersect: {:.3} um wide", fiber.max_width_um());
     let (omega_i, offset_um) = (direction(0.4, 1.1), 0.45 * fiber.max_width_um());
     let at = fiber.at(&FiberQuery::new(omega_i, [0.65, 0.55, 0.45]));
-    // Light is taken from a width that depends on wavelength and direction (Xia 2020, 6): beyond it the ray
-    // passes.
+    // The fiber receives light over a width that depends on wavelength and direction (Xia 2020, 6); beyond it
+    // the ray passes.
     println!("width   {} um, hit {:?}", rgb(at.width_um()), at.hit(offset_um));
     let forward = direction(-0.4, 1.1 + std::f32::consts::PI);
     let (f, pdf) = at.eval_pdf(forward);
@@ -49,7 +49,7 @@ fn run() -> plywave::Result<()> {
     let mut rng = Pcg32::seed_from_u64(1);
     let mut sum = [0.0f32; 3];
     for _ in 0..SAMPLES {
-        // A fiber that takes light never lets it pass: light that is not scattered was absorbed.
+        // A hit fiber never lets light pass: light that is not scattered is absorbed.
         if let BsdfSample::Scattered(light) = at.sample([rng.random(), rng.random(), rng.random()]) {
             sum.iter_mut().zip(light.weight).for_each(|(s, w)| *s += w / SAMPLES as f32);
         }

@@ -1,6 +1,6 @@
 //! The figures and claims of Zinke and Weber 2007 in numbers:
 //! `cargo run --release -p plywave --example filaments [FOLDER]`; with a folder, curves as CSV too.
-//! docs/explain/filaments.md tells what came out.
+//! docs/explain/filaments.md has the results.
 
 use plywave::fiber::opaque::{lambertian, lambertian_by_zinke};
 use plywave::fiber::{
@@ -58,7 +58,7 @@ fn main() -> Result<()> {
     let near = rough(hair)?;
     let brown = [0.004, 0.009, 0.018];
 
-    // Figure 8: what leaves a ribbon by the offset where light comes in.
+    // Figure 8: light that leaves a ribbon, by the offset of entry.
     let mut csv = String::from("h,phi_deg,red,green,blue\n");
     for h in offsets().step_by(8) {
         let query =
@@ -71,7 +71,7 @@ fn main() -> Result<()> {
     }
     write("figure_8.csv", csv)?;
 
-    // Figure 9, 13: three hairs, light of each that is left.
+    // Figures 9 and 13: three hairs, the light that each keeps.
     println!("figures 9 and 13: albedo of a hair of 80 um across, light at 10 degrees, far field");
     for (name, sigma_per_um) in
         [("brown", brown), ("blond", [0.0006, 0.0012, 0.003]), ("dark red", [0.003, 0.02, 0.03])]
@@ -187,7 +187,7 @@ fn main() -> Result<()> {
     );
     println!("  far field by table {table_ns:.0} ns: {:.2} times as fast as by roots", exact_ns / table_ns);
 
-    // Figure 14: an oval of rough plastic; where the caustics of TRT lie as it turns.
+    // Figure 14: an oval of rough plastic; positions of the caustics of TRT as it turns.
     println!("figure 14: an oval of e = 0.85: TRT's brightest azimuth by the oval's turn, of a circle beside it");
     let wide = RoughDielectricParameters { eta: 1.49, width_phi: [0.06; 3], ..hair };
     let oval = rough(RoughDielectricParameters { eccentricity: 0.85, ..wide })?;

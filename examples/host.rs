@@ -1,10 +1,10 @@
-//! A host renderer's side of plywave: load a ply model, evaluate it, sample it.
+//! plywave in a host renderer: load a ply model, evaluate it, sample it.
 //!
 //! ```sh
 //! cargo run --release -p plywave --example host -- [MODEL.pwm]
 //! ```
 //!
-//! Without an argument it takes `fabrics/models/polyester.pwm`, the model that ships.
+//! Without an argument it takes `fabrics/models/polyester.pwm`, a shipped model.
 
 use plywave::color::RGB_LAMBDA_UM;
 use plywave::frame::direction;
@@ -37,7 +37,7 @@ fn run() -> plywave::Result<()> {
 
     // A query: incidence in the ply frame, latitude [rad] and offset of the beam's center [um]; absorption of
     // the fibers [1/um], here one coefficient for each of R, G, B: the color is the host's, not the model's;
-    // the wavelengths that stand for R, G, B at the ply's edge [um].
+    // the wavelengths that represent R, G, B at the ply's edge [um].
     let reach_um = model.data().h_um[model.data().h_um.len() - 1] as f32;
     let (theta_i, h_um, sigma) = (30f32.to_radians(), 0.4 * reach_um, [0.001, 0.004, 0.010]);
     let ply = model.at(&PlyQuery::new(theta_i, h_um, sigma, RGB_LAMBDA_UM));
@@ -51,7 +51,7 @@ fn run() -> plywave::Result<()> {
     println!("  f_high {}", rgb(terms.high));
     println!("  f_edge {}", rgb(terms.edge));
 
-    // What becomes of the light: scattered, by color; past the fibers without being diffracted; the rest is
+    // Distribution of the light: scattered, by color; past the fibers without diffraction; the rest is
     // absorbed.
     println!("albedo   {}  straight on {}", rgb(ply.albedo()), rgb(ply.straight()));
 
@@ -61,7 +61,7 @@ fn run() -> plywave::Result<()> {
     for _ in 0..SAMPLES {
         match ply.sample([rng.random(), rng.random(), rng.random()]) {
             BsdfSample::Scattered(light) => sum.iter_mut().zip(light.weight).for_each(|(s, w)| *s += w),
-            // The next ray goes on in the same direction, times the weight. Not here: this ply's edge
+            // The next ray continues in the same direction, times the weight. Not here: this ply's edge
             // diffracts all light that misses.
             BsdfSample::Straight { .. } => (),
             BsdfSample::Absorbed => (),

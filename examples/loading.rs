@@ -1,8 +1,8 @@
-//! What it costs to load woven fabrics: clock and, on Linux, seconds of all cores, of reading a spec with its
-//! models, of making the fabric ready, and of the mean over its repeat (`FabricOptions::far`); then a number
-//! that tells whether its tables are those of another run, bit by bit.
+//! Cost of loading woven fabrics: clock and, on Linux, seconds of all cores, for reading a spec with its
+//! models, preparing the fabric, and the mean over its repeat (`FabricOptions::far`); then a digest that
+//! shows whether its tables equal those of another run bit by bit.
 //!
-//! `cargo run --release -p plywave --example loading [far] [FABRIC.toml ..]`, without fabrics those that ship
+//! `cargo run --release -p plywave --example loading [far] [FABRIC.toml ..]`, by default the shipped fabrics
 //! of filaments and of plies.
 //! ci: build only
 
@@ -14,7 +14,7 @@ use std::time::Instant;
 const FABRICS: [&str; 6] =
     ["polyester_satin", "cotton_twill", "cotton_plain", "silk_organza", "wool_plain", "polyester_layers"];
 
-/// Seconds that this process has had of all cores; NaN where the system does not tell them.
+/// Seconds of this process on all cores; NaN if the system does not report them.
 fn cpu_s() -> f64 {
     // Hundredths of a second, after the command's name and eleven fields.
     let times = std::fs::read_to_string("/proc/self/stat").ok().and_then(|stat| {
@@ -24,7 +24,7 @@ fn cpu_s() -> f64 {
     times.unwrap_or(f64::NAN)
 }
 
-/// What a call costs: its clock and all cores' seconds.
+/// Cost of a call: its clock and all cores' seconds.
 fn timed<T>(of: impl FnOnce() -> T) -> (T, [f64; 2]) {
     let (begun, before) = (Instant::now(), cpu_s());
     let out = of();

@@ -1,6 +1,6 @@
 //! ci: build only
 //!
-//! How far the model of a yarn of several plies is from the path-traced yarn, its brute-force reference, per
+//! Distance of the model of a yarn of several plies from the path-traced yarn, its brute-force reference, per
 //! incidence:
 //!
 //! `cargo run
@@ -8,9 +8,10 @@
 //! to write]`
 //!
 //! ONE is a table of `plywave simulate SPEC`, TRACED of `plywave simulate SPEC --plies traced`, of the same
-//! bins and offsets (scripts/yarn_twin.sh makes both). Prints the relative L2 distance of f_high and f_refl
-//! with the noise of both removed, and the differences of the energies, of three constructions: the ply's
-//! table unchanged, light leaving plies evenly over their width, light leaving where the table says.
+//! bins and offsets (scripts/yarn_twin.sh computes both). Prints the relative L2 distance of f_high and
+//! f_refl with the noise of both removed, and the differences of the energies, of three constructions: the
+//! ply's table unchanged, light leaving plies evenly over their width, light leaving by the table's exit
+//! positions.
 
 use plywave::spec::YarnSpec;
 use plywave::table::Table;

@@ -1,6 +1,6 @@
 //! Analytic fibers at four wavelengths, random directions, offsets and absorptions: the query, eval and
-//! sample at a query, and all from one call; beside them the formula of pbrt-v4's hair. Ratios in one run say
-//! more than the times.
+//! sample at a query, and all from one call; and the formula of pbrt-v4's hair for comparison. Ratios within
+//! one run are more reliable than times.
 
 use crate::hair::Hair;
 use criterion::Criterion;

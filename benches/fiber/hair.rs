@@ -1,15 +1,15 @@
-//! A peer: the formula of pbrt-v4's hair (Chiang 2016 with d'Eon's M, Marschner's attenuations, trimmed
-//! logistics over the azimuth), N wavelengths, near field.
+//! A peer for comparison: the formula of pbrt-v4's hair (Chiang 2016 with d'Eon's M, Marschner's
+//! attenuations, trimmed logistics over the azimuth), N wavelengths, near field.
 //!
 //! Written from the published formula. Directions are the fiber's frame of this crate, z along it; the peer's
 //! own is x along it.
 
 use std::f32::consts::{PI, TAU};
 
-/// Lobes apart: R, TT, TRT; a last one for what is beyond.
+/// Separate lobes: R, TT, TRT; a last one holds all higher orders.
 const LOBES: usize = 3;
 
-/// Its parameters, prepared once a material.
+/// Parameters of the hair, prepared once per material.
 pub struct Hair {
     eta: f32,
     /// Longitudinal variances.
@@ -20,7 +20,7 @@ pub struct Hair {
     tilt: [[f32; 2]; 3],
 }
 
-/// At a hit.
+/// The hair at a hit.
 pub struct HairAt<'a, const N: usize> {
     hair: &'a Hair,
     h: f32,

@@ -1,5 +1,5 @@
-//! Time of the fiber models on one core: `cargo bench -p plywave --bench fiber`; `-- analytic` runs what is
-//! not a table.
+//! Time of the fiber models on one core: `cargo bench -p plywave --bench fiber`; `-- analytic` runs the
+//! analytic models.
 
 mod analytic;
 mod hair;

@@ -1,7 +1,7 @@
-//! Tabulated fibers: eval, sample with weight and pdf, pdf, the width, from one call each and with the
-//! incidence looked up once. The table is planted, of the size of Xia's (50 wavelengths, 100 latitudes, 23
-//! azimuths of an ellipse, 360 of the scattered light); wavelengths and directions are random, so that hardly
-//! two queries share a slice.
+//! Tabulated fibers: eval, sample with weight and pdf, pdf, and the width, each from one call and at a
+//! prepared incidence. The table is synthetic, of the size of Xia's (50 wavelengths, 100 latitudes, 23
+//! azimuths of an ellipse, 360 of the scattered light); wavelengths and directions are random, so that
+//! queries rarely share a slice.
 
 use criterion::Criterion;
 use plywave::fiber::{FiberSource, FiberTable, OutlineSymmetry, TabulatedFiber};

@@ -1,4 +1,4 @@
-//! Time of the objective for one slice and of a block fit, with the error reached beside it.
+//! Time of the objective for one slice and of a block fit, with its error.
 //! `cargo bench -p plywave-fit --bench fit`
 
 #[path = "../tests/it/planted/mod.rs"]

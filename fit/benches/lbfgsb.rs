@@ -5,7 +5,7 @@
 //! cargo bench -p plywave-fit --bench lbfgsb
 //! ```
 //!
-//! The objective is a dozen operations a pair of variables, so that what is timed is the algorithm. All three
+//! The objective is a dozen operations per pair of variables, so that the time is the algorithm's. All three
 //! do the same evaluations.
 
 use argmin::core::{Executor, State};

@@ -1,5 +1,5 @@
 //! ci: build only
-//! How well whole models of other numbers of lobes fit, judged on an independent table of another seed.
+//! Errors of whole models with other numbers of lobes, measured on an independent table of another seed.
 //!
 //! `cargo run --release -p plywave-fit --example block_errors -- A.pwt B.pwt 8 12 16`
 

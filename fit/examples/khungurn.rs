@@ -5,9 +5,9 @@
 //! ```
 //!
 //! The picture (PNG, JPEG) is a photograph of an opaque swatch of aligned fibers that is lit from above, in
-//! sRGB without other corrections. The rectangle [pixels] is what of it is the swatch; all of it where it is
-//! absent. WHITE is the linear value, 0 to 1, of a white standard in the same light, 1 where it is absent:
-//! dividing by it is all that is done against the exposure.
+//! sRGB without other corrections. The rectangle [pixels] is the swatch in the picture; by default all of it.
+//! WHITE is the linear value, 0 to 1, of a white standard in the same light, by default 1; division by it is
+//! the only correction of the exposure.
 
 use plywave::color::{RGB_LAMBDA_UM, srgb_decode};
 use plywave::fiber::dual_scattering::{DualOptions, DualScattering};

@@ -1,8 +1,7 @@
-//! Gives models made by an earlier version what the fit now adds to its lobes: edge lobes and layer factors.
-//! Lobes, energies and errors stay bit for bit.
-//! With `--reference-values` all tensors stay, and only the reference values of the file are computed again.
-//! With `--exits TABLE` one model of a single ply is told how far light gets aside in it, by the table that
-//! it was fitted to.
+//! Adds edge lobes and layer factors to models of earlier versions. Lobes, energies and errors stay bit for
+//! bit. With `--reference-values` all tensors stay, and only the reference values of the file are computed
+//! again. With `--exits TABLE` one model of a single ply gets its exit offsets from the table that it was
+//! fitted to.
 //!
 //! `cargo run
 //! --release -p plywave-fit --example renew_models -- [--reference-values | --exits TABLE]

@@ -1,8 +1,8 @@
 //! ci: build only
-//! How well lobes fit single slices of a table, judged on an independent table of another seed.
+//! Errors of lobes fitted to single slices of a table, measured on an independent table of another seed.
 //!
 //! `cargo run --release -p plywave-fit --example slice_errors -- A.pwt B.pwt [lobes of f_high] [reference]`;
-//! with the last word by the reference fit's starts and iterations.
+//! the last word selects the reference fit's starts and iterations.
 
 use plywave::table::Table;
 use plywave_fit::{FitOptions, Part, fit_single_slices};

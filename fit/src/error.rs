@@ -10,7 +10,7 @@ pub enum FitError {
         field: &'static str,
         /// Offending length or value.
         value: String,
-        /// What would be accepted.
+        /// Accepted values.
         hint: &'static str,
     },
     /// The model of a table could not be saved, whatever its lobes.
@@ -20,7 +20,7 @@ pub enum FitError {
         key: String,
         /// Its value.
         value: String,
-        /// What would be accepted, and what to do.
+        /// Accepted values, and a fix.
         hint: String,
     },
     /// An option is out of range.

@@ -24,7 +24,7 @@ pub enum KhungurnFitError {
         name: &'static str,
         /// Its value as text.
         value: String,
-        /// What would be accepted.
+        /// Accepted values.
         hint: &'static str,
     },
     /// The start or the result is not a valid model.
@@ -50,7 +50,7 @@ pub struct KhungurnFit {
     pub solution: LbfgsbSolution,
 }
 
-/// Bounds of the widths: those of the model, narrowed to what the grid of a fit resolves.
+/// Bounds of the widths: those of the model, narrowed to the resolution of a fit's grid.
 const WIDTHS: [[f64; 2]; 3] = [[0.03, 3.0], [0.03, 3.0], [0.06, 30.0]];
 /// Latitudes of incident light in a fit to scattering [rad].
 const THETA_I: [f64; 5] = [0.0, 0.3, 0.6, 0.9, 1.2];

@@ -22,7 +22,7 @@ pub struct TableDistance {
     /// `[M][H]`: squared relative L2 distance of f_refl, with the noise of both subtracted; negative where
     /// the noise is less than expected, NaN where noise hides it.
     pub refl2: Vec<f64>,
-    /// `[M][H][K]`: the same of f_high.
+    /// `[M][H][K]`: the same for f_high.
     pub high2: Vec<f64>,
     /// `[M][H]`: energy of f_refl in the first table minus that in the second.
     pub energy_refl: Vec<f64>,

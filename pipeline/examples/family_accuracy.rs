@@ -1,18 +1,16 @@
 //! ci: build only
 //!
-//! How well a family answers for yarns that it was not made of: against fresh simulations at random
-//! parameters.
+//! Accuracy of a family for held-out yarns: comparison with new simulations at random parameters.
 //!
 //! ```text
 //! cargo run --release -p plywave-pipeline --example family_accuracy -- FAMILY.pwfam [POINTS] [QUALITY] [PATHS]
 //! ```
 //!
 //! At each point the yarn is simulated twice, with the family's seed and with another. A direct fit of the
-//! first table and the family's model at the point are both held to the second table, of whose noise neither
-//! knows. Told are the excess errors of f_high and f_refl (rms over all slices, noise removed), their ratios,
-//! and the differences of the energies from the second table, of the family and of the direct fit, which has
-//! the noise of two tables. PATHS are those of an incident latitude, those of the quality where it is left
-//! out.
+//! first table and the family's model at the point are both compared with the held-out second table. The
+//! output has the excess errors of f_high and f_refl (rms over all slices, noise removed), their ratios, and
+//! the differences of the energies from the second table, for the family and for the direct fit, which has
+//! the noise of two tables. PATHS are per incident latitude; the default is that of the quality.
 
 use plywave::ply::{FamilyParam, PlyFamily};
 use plywave::spec::YarnSpec;

@@ -18,13 +18,13 @@ use std::time::{Duration, Instant};
 pub struct Times {
     /// Simulation.
     pub simulate: Duration,
-    /// The yarn's table, where one was made, and the fit.
+    /// The yarn's table, if there is one, and the fit.
     pub fit: Duration,
     /// Speckle: solving and tiles.
     pub speckle: Duration,
 }
 
-/// A model and what it was made from.
+/// A model with its table and times.
 pub struct Built {
     /// The model.
     pub model: PlyData,
@@ -34,7 +34,7 @@ pub struct Built {
     pub times: Times,
 }
 
-/// Makes a recipe's model on the current thread pool. The result depends on the recipe alone.
+/// Builds a recipe's model on the current thread pool. The result depends on the recipe alone.
 ///
 /// # Errors
 /// [`Error::Interrupted`] when stopped, and those of the stages. Folders that may not be used, and runs whose
@@ -43,7 +43,7 @@ pub fn build(recipe: &Recipe, run: &Run<'_>) -> Result<Built, Error> {
     let (spec, text, file) = (&recipe.spec, &recipe.spec_text, recipe.file.as_str());
     let speckle = recipe.solved_speckle().map(|instances| speckle_options(recipe, instances));
     let refuse = |error| Error::of_simulation(error, file);
-    // What may not be used is told now, not after the stages before it.
+    // Refuse unusable folders now, not after the earlier stages.
     let check = runs::Run { parts: run.parts, ..runs::Run::plain() };
     runs::check_parts(&simulate_job(recipe)?, check).map_err(refuse)?;
     if let Some(options) = &speckle {

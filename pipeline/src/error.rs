@@ -2,40 +2,40 @@
 
 use plywave_sim::SimError;
 
-/// What can go wrong between a spec and a model.
+/// Errors between a spec and a model.
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
-    /// A run of shards was stopped; what is finished is in the parts folder, where there is one.
+    /// A run of shards was stopped; finished shards are in the parts folder, if there is one.
     #[error("stopped with {left} of {total} shards left")]
     Interrupted {
-        /// Shards that are left.
+        /// Remaining shards.
         left: usize,
         /// Shards of the stage.
         total: usize,
     },
-    /// Something of the simulator.
+    /// Error of the simulator.
     #[error("{file}: {source}")]
     Simulation {
         /// The spec's name.
         file: String,
-        /// What it is.
+        /// The error.
         source: SimError,
     },
-    /// A run's folder of parts, its files, or parts that do not make a whole: the message names the file.
+    /// Error of a run's folder of parts, its files, or their merge. The message names the file.
     #[error(transparent)]
     Parts(SimError),
-    /// Something of the fit.
+    /// Error of the fit.
     #[error("{file}: {source}")]
     Fit {
         /// The table's or spec's name.
         file: String,
-        /// What it is.
+        /// The error.
         source: plywave_fit::FitError,
     },
-    /// A spec, a table, a model or a file that is not as it must be: the message names it.
+    /// Invalid spec, table, model or file. The message names it.
     #[error(transparent)]
     Runtime(#[from] plywave::Error),
-    /// A change of a spec's key that the spec does not have.
+    /// An override of a key that the spec does not have.
     #[error("{file}: {key} = (absent): a recipe changes keys that are there; add the key to the spec")]
     NoSuchKey {
         /// The spec's name.

@@ -1,4 +1,4 @@
-//! A family of plies from one spec with ranges: which nodes, their tables, the joint fit.
+//! A family of plies from one spec with ranges: choice of nodes, their tables, joint fit.
 
 use crate::error::Error;
 use crate::recipe::Recipe;
@@ -13,17 +13,18 @@ use plywave_sim::runs::{Found, PartsFolder, Plan};
 use std::path::Path;
 use std::sync::Arc;
 
-/// How a family's nodes are chosen.
+/// Options for the choice of a family's nodes.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FamilyOptions {
-    /// Nodes along each axis to begin with, in equal steps of its coordinate.
+    /// Initial nodes along each axis, in equal steps of its coordinate.
     pub first_nodes: usize,
-    /// Most nodes along an axis.
+    /// Largest number of nodes along an axis.
     pub most_nodes: usize,
-    /// Error of f_high in the middle of a cell over that of the nodes beside it, rms over all slices, beyond
-    /// which the cell is cut in two.
+    /// Largest error of f_high in the middle of a cell relative to that of the adjacent nodes, rms over all
+    /// slices. Above it the cell is split in two.
     pub error_ratio: f64,
-    /// Difference of an energy there from the simulation's, beyond which it is too.
+    /// Largest difference of an energy in the middle of a cell from the simulation's. Above it the cell is
+    /// split too.
     pub energy: f64,
     /// Whether the middles of cells are simulated for the joint fit.
     pub middles: bool,
@@ -35,10 +36,10 @@ impl Default for FamilyOptions {
     }
 }
 
-/// Where tables are kept, so that a run that was stopped can go on.
+/// Folder of tables, so that a stopped run can resume.
 #[derive(Clone, Copy, Debug)]
 pub struct FamilyFolder<'a> {
-    /// The folder; tables of nodes are `DIGEST.pwt` in it, shards of the one in work in `DIGEST.parts`.
+    /// The folder; tables of nodes are `DIGEST.pwt` in it, shards of the running one in `DIGEST.parts`.
     pub path: &'a Path,
 }
 
@@ -65,7 +66,7 @@ pub fn check_family_spec(spec: &YarnSpec, file: &str) -> Result<(), Error> {
     Ok(())
 }
 
-/// The spec of a yarn of a family as a recipe of its own.
+/// Recipe of one yarn of a family.
 ///
 /// # Errors
 /// Those of the changed spec.
@@ -95,7 +96,7 @@ fn axes(spec: &YarnSpec, count: usize) -> Vec<FamilyAxis> {
     FamilyParam::ALL.into_iter().zip(ranges).filter_map(of).collect()
 }
 
-/// Values of an axis in the middles of its cells, in the coordinate.
+/// Values of an axis at the middles of its cells, in the axis's coordinate.
 fn middles_of(axis: &FamilyAxis, radius: f64) -> Vec<f64> {
     let x = |v: f64| axis.param.coordinate(v, radius);
     axis.values.windows(2).map(|w| axis.param.of_coordinate(0.5 * (x(w[0]) + x(w[1])), radius)).collect()
@@ -116,14 +117,14 @@ fn product(spec: &YarnSpec, axes: &[FamilyAxis], values: impl Fn(&FamilyAxis) ->
     })
 }
 
-/// The yarns at the nodes of axes, and those in the middles of their cells where a fit takes these in.
+/// The yarns at the nodes of axes, and those in the middles of their cells if the fit uses them.
 fn yarns(spec: &YarnSpec, axes: &[FamilyAxis], middles: bool) -> [Vec<FamilyParams>; 2] {
     let radius = spec.ply_ring().radius_um;
     let between = if middles { product(spec, axes, |axis| middles_of(axis, radius)) } else { Vec::new() };
     [product(spec, axes, |axis| axis.values.clone()), between]
 }
 
-/// Nodes around a place and their weights.
+/// Nodes around a query and their weights.
 fn corners(axes: &[FamilyAxis], params: &FamilyParams, radius: f64) -> Vec<(usize, f64)> {
     axes.iter().fold(vec![(0, 1.0)], |all, axis| {
         let (low, t) = axis.locate(params.get(axis.param), radius);
@@ -138,18 +139,17 @@ fn table_name(digest: &str) -> &str {
     &digest[..digest.len().min(16)]
 }
 
-/// A member of a family that is simulated: the name of its folder of shards in a [`FamilyFolder`], and its
-/// job.
+/// A simulated member of a family: its folder of shards in a [`FamilyFolder`], and its job.
 pub struct FamilyJob {
     /// `NAME.parts`.
     pub folder: String,
-    /// What runs.
+    /// The job.
     pub job: SimulateJob,
 }
 
-/// All that [`build_family`] simulates with these options, where nodes are not chosen by error
-/// ([`FamilyOptions::most_nodes`] no more than
-/// [`FamilyOptions::first_nodes`]): for who runs the shards elsewhere and lays them into a folder.
+/// All jobs of [`build_family`] with these options if nodes are not chosen by error
+/// ([`FamilyOptions::most_nodes`] at most [`FamilyOptions::first_nodes`]). It serves callers that run the
+/// shards elsewhere and put them into a folder.
 ///
 /// # Errors
 /// As [`build_family`], before any work.
@@ -205,15 +205,14 @@ impl Tables<'_> {
     }
 }
 
-/// Makes the family of a recipe whose spec has ranges, on the current thread pool. The result depends on
+/// Builds the family of a recipe whose spec has ranges, on the current thread pool. The result depends on
 /// recipe and options alone.
 ///
-/// *Nodes.* Along each axis, the others at their middle nodes, a family of that line alone is fitted and held
-/// to fresh simulations in the middles of its cells. The cell that is worst by [`FamilyOptions::error_ratio`]
-/// or [`FamilyOptions::energy`], each error over what is allowed, is cut there; this goes on until all are
-/// within both or the axis has
-/// [`FamilyOptions::most_nodes`]. Then all nodes of the product of the axes, and the middles of its cells,
-/// are simulated and fitted together.
+/// *Nodes.* Along each axis, with the others at their middle nodes, a family of that line alone is fitted and
+/// compared with new simulations in the middles of its cells. The cell with the largest error relative to its
+/// limit, [`FamilyOptions::error_ratio`] or [`FamilyOptions::energy`], is split at its middle. This repeats
+/// until all cells are within both limits or the axis has [`FamilyOptions::most_nodes`]. Then all nodes of
+/// the product of the axes, and the middles of its cells, are simulated and fitted together.
 ///
 /// # Errors
 /// [`Error::Interrupted`] when stopped; specs that have no family; those of the stages.
@@ -291,8 +290,8 @@ fn refine_axis(
     Ok(())
 }
 
-/// Largest differences of a model's r_d, E_refl and E_high, of the beam, from a table's, whose `errors` the
-/// model's are: at the nodes of the slices and, of r_d, where the table has finer ones.
+/// Largest differences of a model's r_d, E_refl and E_high, as fractions of the beam, from those of the table
+/// of `errors`: at the nodes of the slices and, for r_d, at the table's finer nodes.
 pub fn energies_off(model: &PlyData, table: &Table, errors: &FitErrors) -> [f64; 3] {
     let fine = table.fine_energies();
     let columns = fine.miss_h_um.len();

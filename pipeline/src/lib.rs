@@ -1,8 +1,8 @@
 //! Pipeline of plywave: from a yarn's spec to its ply model.
 //!
-//! A [`Recipe`] says what to make: a spec, a [`Quality`], a seed, overrides of sizes, and where speckle comes
-//! from. [`build`] makes it, with progress, a stop flag and finished shards on disk. Its stages are plain
-//! functions too:
+//! A [`Recipe`] has a spec, a [`Quality`], a seed, overrides of sizes, and the source of speckle. [`build`]
+//! builds its model, with progress, a stop flag and finished shards on disk. Its stages are also separate
+//! functions:
 //!
 //! ```text
 //! spec --simulate--> table of a ply --yarn_table--> table of the yarn --fit_model--> model, edge lobes, layer factors --add_speckle--> model with noise

@@ -1,4 +1,4 @@
-//! What to make: a spec, a quality, a seed and what overrides them.
+//! Recipes of models: a spec, a quality, a seed and overrides.
 
 use crate::error::Error;
 use plywave::spec::YarnSpec;
@@ -11,7 +11,7 @@ use std::path::Path;
 /// Quality of a run: the name of the presets of all its stages.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Quality {
-    /// To look at a yarn: under a minute for polyester.
+    /// For a first look: under a minute for polyester.
     Preview,
     /// For use: minutes.
     Standard,
@@ -29,7 +29,7 @@ impl Quality {
         }
     }
 
-    /// By its name in a file; other presets count as standard.
+    /// The quality of a preset's name in a file; other presets count as standard.
     pub fn of_preset(name: &str) -> Quality {
         match name {
             "preview" => Quality::Preview,
@@ -66,21 +66,21 @@ impl Quality {
     }
 }
 
-/// Where a model's speckle comes from.
+/// Source of a model's speckle.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub enum Speckle {
-    /// Nowhere: a smooth model.
+    /// No speckle: a smooth model.
     None,
-    /// Patterns of the spec's fiber are solved, but at preview quality.
+    /// Patterns of the spec's fiber are solved, except at preview quality.
     #[default]
     Usual,
     /// Patterns of this many instances of the spec's fiber are solved, at any quality.
     Solve(u32),
-    /// These patterns, of a file of this name.
+    /// These patterns, from a file of this name.
     Patterns(Box<SpecklePatterns>, String),
 }
 
-/// A model to be made.
+/// Recipe of a model.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Recipe {
     /// Name of the spec in messages.
@@ -97,14 +97,15 @@ pub struct Recipe {
     pub paths: Option<u64>,
     /// Instances of the ply, taking precedence over spec and quality.
     pub instances: Option<u32>,
-    /// Whether all plies of the yarn are traced together, for measuring models; such a table is not fitted.
+    /// Whether all plies of the yarn are traced together, as a reference for models; such a table is not
+    /// fitted.
     pub traced_plies: bool,
     /// Speckle.
     pub speckle: Speckle,
 }
 
 impl Recipe {
-    /// Of a spec that has been read, whose text is `spec_text`; seed 1, no overrides.
+    /// Recipe of a parsed spec, whose text is `spec_text`, with seed 1 and no overrides.
     pub fn new(file: impl Into<String>, spec: YarnSpec, spec_text: impl Into<String>, quality: Quality) -> Recipe {
         Recipe {
             file: file.into(),
@@ -119,7 +120,7 @@ impl Recipe {
         }
     }
 
-    /// Of a spec's file.
+    /// Recipe of a spec's file.
     ///
     /// # Errors
     /// Those of [`YarnSpec::load`].
@@ -128,7 +129,7 @@ impl Recipe {
         Ok(Recipe::new(path.as_ref().display().to_string(), spec, text, quality))
     }
 
-    /// Of a spec's text with the values of some keys changed; `file` stands for it in messages.
+    /// Recipe of a spec's text with overrides of some keys; `file` stands for it in messages.
     ///
     /// # Errors
     /// [`Error::NoSuchKey`] for a key that the text lacks, those of [`YarnSpec::parse`] for the changed text.
@@ -138,8 +139,8 @@ impl Recipe {
         Ok(Recipe::new(file, spec, text, quality))
     }
 
-    /// Instances of the fiber whose speckle is solved; `None` where nothing is to be solved, `Some(None)` for
-    /// the usual number.
+    /// Instances of the fiber whose speckle is solved; `None` if nothing is solved, `Some(None)` for the
+    /// usual number.
     pub fn solved_speckle(&self) -> Option<Option<u32>> {
         match &self.speckle {
             Speckle::Usual if self.quality != Quality::Preview => Some(None),
@@ -148,7 +149,7 @@ impl Recipe {
         }
     }
 
-    /// Sizes of the simulation: the quality's, then the spec's, then the recipe's.
+    /// Sizes of the simulation: those of the quality, overridden by the spec, then by the recipe.
     pub fn simulation(&self) -> SimOptions {
         let mut options = self.quality.simulation().overridden_by(&self.spec.simulation);
         options.seed = self.seed;
@@ -159,7 +160,7 @@ impl Recipe {
     }
 }
 
-/// A TOML text with the values of some keys changed, wherever they stand.
+/// A TOML text with the values of some keys changed, in any table.
 ///
 /// # Errors
 /// The first key that the text lacks.

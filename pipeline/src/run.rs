@@ -1,10 +1,10 @@
-//! How a recipe is made: where parts are kept, how progress is told, how it is stopped.
+//! How a recipe runs: folders of parts, progress, stop flag.
 
 use crate::error::Error;
 use plywave_sim::runs::PartsFolder;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// Part of the work that progress counts.
+/// Stage of the work that progress counts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Stage {
     /// Paths of the simulation.
@@ -15,14 +15,14 @@ pub enum Stage {
     FitHigh,
     /// Slices of f_refl.
     FitReflection,
-    /// Slices of the model against those of the table.
+    /// Slices of the model compared with the table's.
     FitErrors,
     /// Fibers whose speckle is solved.
     Speckle,
 }
 
 impl Stage {
-    /// A word for it.
+    /// Name of the stage.
     pub fn name(self) -> &'static str {
         match self {
             Stage::Simulate => "simulate",
@@ -34,7 +34,7 @@ impl Stage {
         }
     }
 
-    /// What is counted.
+    /// Unit that is counted.
     pub fn unit(self) -> &'static str {
         match self {
             Stage::Simulate => "paths",
@@ -44,24 +44,24 @@ impl Stage {
         }
     }
 
-    /// Whether the stage looks at the stop flag within, and keeps its finished shards.
+    /// Whether the stage checks the stop flag while it runs and keeps its finished shards.
     pub fn is_stoppable(self) -> bool {
         matches!(self, Stage::Simulate | Stage::Speckle)
     }
 }
 
-/// How far a stage is.
+/// Progress of a stage.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Progress {
-    /// What is counted.
+    /// Stage that is counted.
     pub stage: Stage,
     /// Units done.
     pub done: u64,
-    /// Units in all.
+    /// Total number of units.
     pub total: u64,
 }
 
-/// How a recipe is made: nothing here changes the result.
+/// How a recipe runs. Nothing here changes the result.
 #[derive(Clone, Copy, Default)]
 pub struct Run<'a> {
     /// Folder for finished shards of the simulation; `None` keeps them in memory only.
@@ -76,7 +76,7 @@ pub struct Run<'a> {
 }
 
 impl Run<'_> {
-    /// In memory, without progress, to the end.
+    /// A run in memory, without progress reports or a stop flag.
     pub fn plain() -> Run<'static> {
         Run::default()
     }

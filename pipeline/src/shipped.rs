@@ -1,9 +1,9 @@
-//! The library of ply models with those that ship ([`plywave_fabrics`]).
+//! The library of ply models, with the shipped models ([`plywave_fabrics`]).
 
 use plywave::io::ModelLibrary;
 pub use plywave_fabrics::MODELS as SHIPPED_MODELS;
 
-/// [`ModelLibrary::usual`] with the models that ship.
+/// [`ModelLibrary::usual`] with the shipped models.
 pub fn model_library() -> ModelLibrary {
     ModelLibrary::usual().with_embedded(SHIPPED_MODELS)
 }

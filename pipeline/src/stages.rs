@@ -14,8 +14,8 @@ use plywave_sim::wave::{SpeckleJob, SpeckleOptions};
 use plywave_sim::{SimError, SimulateJob};
 use std::sync::atomic::{AtomicU64, Ordering};
 
-/// Largest error of an f_refl slice, and of an f_high slice as a share of its light at sigma = 0, of a good
-/// fit.
+/// Limits of a good fit: largest error of an f_refl slice, and of an f_high slice as a share of its light at
+/// sigma = 0.
 const GOOD_REFL: f64 = 0.2;
 /// See [`GOOD_REFL`].
 const GOOD_HIGH: f64 = 0.15;
@@ -39,7 +39,7 @@ fn run_job<J: runs::Job>(
     runs::run(job, inner).map_err(|e| Error::of_simulation(e, file))
 }
 
-/// The job of a recipe's simulation, refused when its table could not be saved for the noise of few paths.
+/// The job of a recipe's simulation. Refuses too few paths, whose noise would prevent saving the table.
 ///
 /// # Errors
 /// [`Error::Simulation`].
@@ -58,9 +58,8 @@ pub fn simulate(recipe: &Recipe, run: &Run<'_>) -> Result<Table, Error> {
     run_job(&simulate_job(recipe)?, Stage::Simulate, run.parts, run, &recipe.file)
 }
 
-/// The table of the yarn of `spec` from the table of one of its plies; `None` where the table is that of the
-/// yarn already, or the yarn is one ply.
-/// `file` stands for the table in messages.
+/// The table of the yarn of `spec` from the table of one of its plies; `None` if the table is already that of
+/// the yarn, or the yarn has one ply. `file` stands for the table in messages.
 ///
 /// # Errors
 /// [`Error::Simulation`] for tables whose arrays do not fit together.
@@ -77,8 +76,8 @@ pub fn yarn_table(table: &Table, spec: &YarnSpec, file: &str, run: &Run<'_>) -> 
     }
 }
 
-/// The model of a table with its layer factors and the edge lobes of `spec`, which is the table's; the spec's
-/// numbers of lobes take precedence over the options'. `file` stands for the table in messages.
+/// Fits the model of a table, with its layer factors and the edge lobes of `spec`, the table's spec. The
+/// spec's numbers of lobes override the options'. `file` stands for the table in messages.
 ///
 /// # Errors
 /// [`Error::Fit`].
@@ -97,7 +96,7 @@ pub fn fit_model(
     Ok(data)
 }
 
-/// Tells a run of the progress of a fit.
+/// Reports the progress of a fit to a run.
 pub(crate) fn tell_fit(run: &Run<'_>, p: plywave_fit::Progress) {
     let stage = match p.stage {
         plywave_fit::Stage::High => Stage::FitHigh,
@@ -107,7 +106,7 @@ pub(crate) fn tell_fit(run: &Run<'_>, p: plywave_fit::Progress) {
     run.tell(Progress { stage, done: p.done as u64, total: p.total as u64 });
 }
 
-/// Refuses a table whose model could not be saved, in some milliseconds; gives the edge lobes of `spec`.
+/// Refuses a table whose model could not be saved, within milliseconds; returns the edge lobes of `spec`.
 /// `file` stands for the table in messages.
 ///
 /// # Errors
@@ -120,7 +119,7 @@ pub fn check_fit(table: &Table, spec: &YarnSpec, options: &FitOptions, file: &st
     }
 }
 
-/// The options with the numbers of lobes that a spec asks for.
+/// The options with the numbers of lobes of a spec.
 pub(crate) fn with_lobes_of(options: &FitOptions, spec: &YarnSpec) -> FitOptions {
     let mut options = *options;
     options.lobes_refl = spec.simulation.lobes_refl.map_or(options.lobes_refl, |n| n as usize);
@@ -128,7 +127,7 @@ pub(crate) fn with_lobes_of(options: &FitOptions, spec: &YarnSpec) -> FitOptions
     options
 }
 
-/// Sizes of the speckle patterns that a recipe's tiles are made from.
+/// Sizes of the speckle patterns for a recipe's tiles.
 pub fn speckle_options(recipe: &Recipe, instances: Option<u32>) -> SpeckleOptions {
     let usual = SpeckleOptions::default();
     SpeckleOptions { seed: recipe.seed, instances: instances.unwrap_or(usual.instances), ..usual }
@@ -164,14 +163,14 @@ pub(crate) fn noise_options(seed: u64, spec: &YarnSpec) -> NoiseOptions {
     NoiseOptions { seed, w0_um: spec.beam.beam().w0_um, ..NoiseOptions::default() }
 }
 
-/// Share of a beam, of which a slice's errors count in full ([`held_errors`]).
+/// Hit share of a beam above which a slice's errors count in full ([`held_errors`]).
 pub const MIN_MET: f64 = 0.02;
 
-/// Errors of f_refl, `[theta_i][h]`, and of f_high, `[theta_i][h][sigma]`, as a fit is held to them: those of
-/// the slices, relative L2, of f_high as a share of the slice's light at sigma = 0.
+/// Errors of f_refl, `[theta_i][h]`, and of f_high, `[theta_i][h][sigma]`, for comparison with limits:
+/// relative L2 errors of the slices, for f_high as a share of the slice's light at sigma = 0.
 ///
-/// Beyond the ply's rim next to nothing of a beam meets fibers, and energies are good to 0.002 of the beam:
-/// where less than [`MIN_MET`] of it meets any, a slice's errors count in proportion to that.
+/// Beyond the ply's rim almost none of a beam hits fibers, and the error of energies is 0.002 of the beam. If
+/// less than [`MIN_MET`] of the beam hits fibers, a slice's errors count in proportion to the hit share.
 pub fn held_errors(data: &PlyData, error_refl: &[f64], error_high: &[f64]) -> [Vec<f64>; 2] {
     let (nodes, sigmas) = (data.node_energies(), data.sigma_per_um.len().max(1));
     let energy = |k: usize| nodes[k / sigmas].high_at(data.sigma_per_um[k % sigmas], &data.path_um);
@@ -183,35 +182,34 @@ pub fn held_errors(data: &PlyData, error_refl: &[f64], error_high: &[f64]) -> [V
     ]
 }
 
-/// How far a model is from the table of its fit: the largest errors of its slices, as `plywave check` takes
-/// them.
+/// Distance of a model from the table of its fit: the largest errors of its slices, as in `plywave check`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FitQuality {
-    /// Largest relative L2 error of an f_refl slice, noise removed; 0 of a model without f_refl, as of opaque
-    /// fibers; NaN where noise hides them all.
+    /// Largest relative L2 error of an f_refl slice, noise removed; 0 for a model without f_refl, as of
+    /// opaque fibers; NaN where noise hides them all.
     pub refl: f64,
-    /// The same of f_high, as a share of the slice's light at sigma = 0.
+    /// The same for f_high, as a share of the slice's light at sigma = 0.
     pub high: f64,
 }
 
 impl FitQuality {
-    /// Of a model, by the errors that its fit stored.
+    /// Quality of a model by the errors that its fit stored.
     pub fn from_data(data: &PlyData) -> FitQuality {
         FitQuality::of_errors(data, &data.error_refl, &data.error_high)
     }
 
-    /// Of a model with these errors of its slices, `[theta_i][h]` and `[theta_i][h][sigma]`, as
-    /// [`held_errors`] counts them.
+    /// Quality of a model with these errors of its slices, `[theta_i][h]` and `[theta_i][h][sigma]`, weighted
+    /// as by [`held_errors`].
     pub fn of_errors(data: &PlyData, error_refl: &[f64], error_high: &[f64]) -> FitQuality {
         let [refl, high] = held_errors(data, error_refl, error_high);
-        // What is not above 0 was hidden by noise.
+        // Errors that are not above 0 are hidden by noise.
         let largest = |errors: Vec<f64>| errors.into_iter().filter(|e| *e > 0.0).fold(f64::NAN, f64::max);
-        // Light that is nowhere is fitted by none: the lobes' energies are the table's.
+        // Without light there is nothing to fit: the lobes' energies are the table's.
         let none = data.node_energies().iter().all(|energies| energies.refl == 0.0);
         FitQuality { refl: if none { 0.0 } else { largest(refl) }, high: largest(high) }
     }
 
-    /// What a model should reach: 0.2 and 0.15.
+    /// Limits of a good model: 0.2 and 0.15.
     pub fn good() -> FitQuality {
         FitQuality { refl: GOOD_REFL, high: GOOD_HIGH }
     }

@@ -1,10 +1,10 @@
 //! Woven fabrics.
 
-use crate::batch::{PreparedQueries, Floats, Out, Rows, Same, What, by_channels, rows_mut};
+use crate::batch::{Floats, Out, PreparedQueries, Rows, Same, What, by_channels, rows_mut};
 use crate::errors::{Failure, Outcome};
 use numpy::IntoPyArray;
 use plywave::fabric::{
-    Channels, ColorOf, FabricBsdf, FabricOptions, FabricSpec, YarnSet, GapLight, LoadedFabric, Slits, YarnColor,
+    Channels, ColorOf, FabricBsdf, FabricOptions, FabricSpec, GapLight, LoadedFabric, Slits, YarnColor, YarnSet,
 };
 use plywave::io::Folder;
 use plywave::{FabricModel, FabricQuery};

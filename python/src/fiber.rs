@@ -1,6 +1,6 @@
 //! Fibers.
 
-use crate::batch::{PreparedQueries, Floats, Out, Rows, Same, What, by_channels, rows_mut};
+use crate::batch::{Floats, Out, PreparedQueries, Rows, Same, What, by_channels, rows_mut};
 use crate::errors::{Failure, Outcome};
 use plywave::fiber::{FilamentSpec, TabulatedFiber};
 use plywave::{FiberBsdf, FiberModel, FiberQuery};

@@ -1,6 +1,8 @@
 //! Ply models.
 
-use crate::batch::{Arrays, PreparedQueries, At, CHUNK, Floats, ScatterCall, Out, Rows, Same, What, by_channels, parallel, rows_mut};
+use crate::batch::{
+    Arrays, At, CHUNK, Floats, Out, PreparedQueries, Rows, Same, ScatterCall, What, by_channels, parallel, rows_mut,
+};
 use crate::errors::{Failure, Outcome};
 use numpy::{IntoPyArray, PyReadonlyArray1};
 use plywave::gap::Slit;
@@ -229,7 +231,8 @@ impl Model {
         let model = &*self.model;
         // As large as chunks can be: one a thread, at least.
         let chunk = n.div_ceil(threads * 8).max(1);
-        let what = What::from_name(what).ok_or_else(|| Failure::input("model", "question", what, "there is no such"))?;
+        let what =
+            What::from_name(what).ok_or_else(|| Failure::input("model", "question", what, "there is no such"))?;
         Ok(py.detach(|| -> PyResult<f64> {
             let mut best = f64::INFINITY;
             for _ in 0..repeats.max(1) {
@@ -321,7 +324,9 @@ impl Model {
         let onward = |theta_i: f32| [0.0, -theta_i.cos(), -theta_i.sin()];
         // Of the usual numbers of channels alone: the others are not worth their time in the compiler.
         let usual = const { matches!(N, 1 | 3 | 4) };
-        if usual && let (true, Some(often), Some(w)) = (plain, What::from_name(what).and_then(ScatterCall::from_what), w) {
+        if usual
+            && let (true, Some(often), Some(w)) = (plain, What::from_name(what).and_then(ScatterCall::from_what), w)
+        {
             let get = |i| -> PlainNumbers<N> { (theta_i.get(i)[0], h_um.get(i)[0], sigma.get(i), lambda.get(i)) };
             let asked = PreparedQueries { n, threads, get, at: PlainAt { model, edge } };
             return asked.answer_often(py, often, w, out, |(theta_i, ..)| onward(*theta_i));
@@ -371,8 +376,8 @@ impl Model {
                 Ok(())
             }
             _ => {
-                let what =
-                    What::from_name(what).ok_or_else(|| Failure::input("model", "question", what, "there is no such"))?;
+                let what = What::from_name(what)
+                    .ok_or_else(|| Failure::input("model", "question", what, "there is no such"))?;
                 asked.answer(py, what, w, out, |(theta_i, ..)| onward(*theta_i))
             }
         }

@@ -8,7 +8,7 @@
 //!
 //! Twelve panels, left to right and top to bottom, the pitch from one end of the family to the other in equal
 //! steps of the lean of its rim's fibers. Every panel is a ply bent to a circle, seen from above, under a
-//! lamp from the left and a fainter one from the right; every pixel asks the family at its own incidence
+//! lamp from the left and a fainter one from the right; every pixel queries the family at its own incidence
 //! (`PlyFamily::on`).
 
 use plywave::ply::{FamilyParam, FamilyParams, PlyFamily};

@@ -1,5 +1,5 @@
-//! Times of strands: the BVH over 10 000 B-spline strands of 100 segments, and rays against it on one thread,
-//! near and from afar, as tubes and bands.
+//! Times of strands: the BVH over 10 000 B-spline strands of 100 segments, and its rays on one thread, near
+//! and far, as tubes and bands.
 //!
 //! ci: build only
 //!
@@ -21,7 +21,7 @@ fn unit(rng: &mut rand_pcg::Pcg64Mcg) -> DVec3 {
     DVec3::new(r * cos, r * sin, z)
 }
 
-/// Time that this thread has had a processor [s], where Linux tells; others' work is not in it.
+/// Processor time of this thread [s] on Linux, without the work of others.
 fn clock(begun: Instant) -> f64 {
     std::fs::read_to_string("/proc/thread-self/schedstat")
         .ok()
@@ -40,7 +40,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let rays = |distance: f64, rng: &mut rand_pcg::Pcg64Mcg| -> Vec<(DVec3, DVec3)> {
         (0..side * side)
             .map(|_| {
-                // Through the ball from all sides: between two places about it.
+                // Through the ball from all sides: between two points around it.
                 let (a, b) = (unit(rng) * 60.0, unit(rng) * (50.0 * rng.random::<f64>().cbrt()));
                 let w = (b - a).normalize();
                 let (o, w) = ((a - w * distance).as_vec3().as_dvec3(), w.as_vec3().as_dvec3());
@@ -76,7 +76,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             start.elapsed().as_secs_f64()
         );
         for (name, rays) in [("from all sides", &near), ("the same, 1 m farther off", &far), ("of a camera", &camera)] {
-            // The best of three: others use the machine too.
+            // The best of three runs, as others use the machine too.
             let (mut best, mut hits) = (f64::INFINITY, 0);
             for _ in 0..3 {
                 let begun = clock(all);

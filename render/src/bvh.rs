@@ -1,15 +1,13 @@
-//! The BVH over a mesh or the segments of strands, built in a time of n log n whatever they look like, and of
-//! bounded depth.
+//! BVH over a mesh or the segments of strands, of bounded depth, built in O(n log n) time for any input.
 //!
 //! Nodes are split in bins along the axis where the surface area heuristic is least (Wald 2007). obvhs' own
-//! builder clusters neighbors on the Morton curve, which merge when each is the other's cheapest partner;
-//! among equal or nested boxes, as in a stack of sheets, only the last pair of all agrees, each pass merges
-//! one pair, and the time is quadratic. Its reinsertion of nodes is quadratic where all boxes overlap. Here
-//! nodes below [`HEURISTIC_LEVELS`], and those whose centers are all the same, are split at the median.
+//! builder clusters neighbors on the Morton curve, which merge if each is the other's cheapest partner. Among
+//! equal or nested boxes, as in a stack of sheets, each pass merges only one pair, and the time is quadratic.
+//! Its reinsertion of nodes is quadratic if all boxes overlap. Here nodes below [`HEURISTIC_LEVELS`], and
+//! those with equal centers, are split at the median.
 //!
-//! Where most boxes overlap, a ray meets most of them whatever the tree. Triangles are then split into
-//! several boxes that fit them closer, the largest first, up to
-//! [`MAX_SPLITS`] times as many (Karras and Aila 2013).
+//! If most boxes overlap, a ray hits most of them in any tree. Triangles are then split into several tighter
+//! boxes, the largest first, up to [`MAX_SPLITS`] times as many (Karras and Aila 2013).
 
 use glam::Vec3A;
 use obvhs::Boundable;
@@ -22,21 +20,21 @@ use obvhs::splits::split_triangle;
 use obvhs::triangle::Triangle;
 use std::collections::BinaryHeap;
 
-/// Most levels of a tree that obvhs traverses: its stack has 32 entries.
+/// Largest number of levels that obvhs traverses: its stack has 32 entries.
 const MAX_LEVELS: usize = 31;
-/// Levels of a binary tree in which nodes are split by the heuristic.
+/// Levels of a binary tree whose nodes are split by the heuristic.
 const HEURISTIC_LEVELS: usize = 48;
-/// Most bins along an axis.
+/// Largest number of bins along an axis.
 const BINS: usize = 16;
-/// Triangles of a leaf.
+/// Triangles per leaf.
 const LEAF: u32 = 3;
 
-/// Nodes that a ray through a tree meets in the mean, above which triangles are split; an ordinary mesh of a
-/// million has below 100.
+/// Mean number of nodes hit by a ray above which triangles are split; an ordinary mesh of a million triangles
+/// is below 100.
 const CROWDED: f32 = 500.0;
-/// Most boxes to a triangle, in the mean, where they are split.
+/// Largest mean number of boxes per split triangle.
 const MAX_SPLITS: usize = 4;
-/// Area that the halves of a box must have left at most, for it to be split.
+/// Largest relative area of a box's halves for which it is split.
 const WORTH_SPLITTING: f32 = 0.8;
 
 /// A tree over `triangles`, at most [`MAX_LEVELS`] deep. Its indices name a triangle more than once where
@@ -52,14 +50,14 @@ pub fn build(triangles: &[Triangle]) -> CwBvh {
     tree
 }
 
-/// A wide tree of a binary one, or where that is too deep of a shallower one.
+/// A wide tree from a binary one, or from a shallower one if that is too deep.
 fn wide(tree: Bvh2, shallower: impl FnOnce() -> Bvh2) -> CwBvh {
     let convert = |tree: Bvh2| bvh2_to_cwbvh(&tree, LEAF, true, false);
     let tree = convert(tree);
     if levels(&tree) <= MAX_LEVELS { tree } else { convert(shallower()) }
 }
 
-/// Inner nodes that a ray through the box of a tree meets in the mean.
+/// Mean number of inner nodes hit by a ray through the box of a tree.
 fn nodes_met(tree: &Bvh2) -> f32 {
     let area = |node: &Bvh2Node| node.aabb().half_area();
     let whole = tree.nodes.first().map_or(0.0, area).max(f32::MIN_POSITIVE);
@@ -70,7 +68,7 @@ fn nodes_met(tree: &Bvh2) -> f32 {
 fn split_boxes(triangles: &[Triangle]) -> (Vec<Aabb>, Vec<u32>) {
     let mut boxes: Vec<Aabb> = triangles.iter().map(Boundable::aabb).collect();
     let mut of: Vec<u32> = (0..triangles.len() as u32).collect();
-    // Areas are above 0, so that their bits are in their order.
+    // Areas are positive, so the order of their bits is theirs.
     let entry = |boxes: &[Aabb], i: usize| (boxes[i].half_area().to_bits(), i);
     let mut open: BinaryHeap<(u32, usize)> = (0..boxes.len()).map(|i| entry(&boxes, i)).collect();
     while boxes.len() < MAX_SPLITS * triangles.len()
@@ -93,8 +91,8 @@ fn split_boxes(triangles: &[Triangle]) -> (Vec<Aabb>, Vec<u32>) {
     (boxes, of)
 }
 
-/// A binary tree over `boxes`, one in a leaf; none of no boxes. It has at most ceil(log2(n)) levels more than
-/// [`HEURISTIC_LEVELS`].
+/// A binary tree over `boxes`, one per leaf; empty without boxes. It has at most ceil(log2(n)) levels more
+/// than [`HEURISTIC_LEVELS`].
 pub fn binary<B: Boundable>(boxes: &[B]) -> Bvh2 {
     split(boxes, HEURISTIC_LEVELS)
 }
@@ -109,7 +107,7 @@ fn split<B: Boundable>(primitives: &[B], heuristic_levels: usize) -> Bvh2 {
     let mut boxes: Vec<(Aabb, u32)> = primitives.iter().zip(0..).map(|(p, i)| (p.aabb(), i)).collect();
     let mut nodes = vec![Bvh2Node::default(); (2 * boxes.len()).saturating_sub(1)];
     let mut next = 1;
-    // Node, the range of `boxes` that it holds, and its level.
+    // Node, its range of `boxes`, and its level.
     let mut open = if boxes.is_empty() { Vec::new() } else { vec![(0, 0, boxes.len(), 0)] };
     while let Some((at, from, to, level)) = open.pop() {
         let range = &mut boxes[from..to];
@@ -132,8 +130,8 @@ fn split<B: Boundable>(primitives: &[B], heuristic_levels: usize) -> Bvh2 {
     Bvh2 { nodes, primitive_indices: boxes.iter().map(|(_, i)| *i).collect(), ..Bvh2::default() }
 }
 
-/// Moves the half of lesser centers along an axis to the front; gives its size. Equal centers are told apart
-/// by their number, so that the tree depends on the mesh alone.
+/// Moves the half with lesser centers along an axis to the front; returns its size. Equal centers are ordered
+/// by their index, so that the tree depends on the mesh alone.
 fn halve(range: &mut [(Aabb, u32)], axis: usize) -> usize {
     let half = range.len() / 2;
     range.select_nth_unstable_by(half, |a, b| {
@@ -147,7 +145,7 @@ fn halve(range: &mut [(Aabb, u32)], axis: usize) -> usize {
 struct Bins {
     count: usize,
     low: Vec3A,
-    /// Bins to a unit of length.
+    /// Bins per unit of length.
     scale: Vec3A,
     last: Vec3A,
 }
@@ -165,8 +163,8 @@ impl Bins {
         ((aabb.center() - self.low) * self.scale).min(self.last).to_array().map(|x| x as usize)
     }
 
-    /// Moves the boxes of one side of the best split to the front; gives their number. `None` where all are
-    /// in one bin.
+    /// Moves the boxes of one side of the best split to the front; returns their number. `None` if all are in
+    /// one bin.
     fn split(&self, range: &mut [(Aabb, u32)]) -> Option<usize> {
         let mut bins = [[(Aabb::empty(), 0usize); BINS]; 3];
         for (aabb, _) in range.iter() {
@@ -246,7 +244,7 @@ mod tests {
         deepest
     }
 
-    /// Triangles that overlap, in `n` ways from 0 to 1.
+    /// `n` overlapping triangles, placed by parameters from 0 to 1.
     fn heap(n: usize, place: impl Fn(f32) -> [[f32; 3]; 3]) -> Vec<Triangle> {
         (0..n)
             .map(|k| {
@@ -256,8 +254,8 @@ mod tests {
             .collect()
     }
 
-    /// Heaps of triangles on which clustering takes quadratic time, or makes a chain: the time to build stays
-    /// that of n log n, the tree shallow, the nearest is found.
+    /// Heaps of triangles for which clustering takes quadratic time or makes a chain: the build time stays
+    /// O(n log n), the tree is shallow, and the nearest hit is found.
     #[test]
     fn heaps_take_no_longer_than_their_size_and_are_traversed() {
         let n = 20_000;
@@ -300,8 +298,8 @@ mod tests {
         }
     }
 
-    /// Slivers that cross in one place are in boxes that fit them several times closer, no more of them than
-    /// there may be; a sheet is not split.
+    /// Slivers that cross at one point get several times tighter boxes within the allowed number; a sheet is
+    /// not split.
     #[test]
     fn crowds_are_split_and_sheets_are_not() {
         let n = 2000;
@@ -326,7 +324,7 @@ mod tests {
 
     #[test]
     fn depth_is_bounded() {
-        // Each twice as large as the one before, all from one corner: the heuristic takes few off at a time.
+        // Each twice as large as the one before, all from one corner: the heuristic separates few at a time.
         let triangles = heap(250, |s| {
             let r = (250.0 * (s - 0.5)).exp2();
             [[0.0; 3], [r, 0.0, 0.3 * r], [0.0, r, 0.1 * r]]

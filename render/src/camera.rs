@@ -2,14 +2,14 @@
 
 use glam::Vec3;
 
-/// Where a camera is and what it sees.
+/// Position and view of a camera.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct View {
-    /// Place of the camera [mm].
+    /// Position of the camera [mm].
     pub from: Vec3,
     /// The point in the middle of the picture [mm].
     pub to: Vec3,
-    /// What is above in the picture.
+    /// Direction that is up in the picture.
     pub up: Vec3,
     /// Angle across the picture's height [rad].
     pub fov_rad: f32,
@@ -25,7 +25,8 @@ pub struct Camera {
 }
 
 impl Camera {
-    /// Looks from `from` to `to` [mm] with `up` above; `fov_rad` is the angle across the picture's height.
+    /// A camera that looks from `from` to `to` [mm] with `up` upwards; `fov_rad` is the angle across the
+    /// picture's height.
     pub fn new(from: Vec3, to: Vec3, up: Vec3, fov_rad: f32) -> Camera {
         let forward = (to - from).normalize();
         let right = forward.cross(up).normalize_or(forward.any_orthonormal_vector());
@@ -34,13 +35,13 @@ impl Camera {
         Camera { view, forward, right: right * half, up: right.cross(forward) * half }
     }
 
-    /// Where it is and what it sees.
+    /// Position and view.
     pub fn view(&self) -> View {
         self.view
     }
 
-    /// Width that a pixel of a picture `height` pixels high covers of what faces the camera at the point that
-    /// it looks at [um].
+    /// Width of a pixel on a plane that faces the camera at its target point [um], for a picture `height`
+    /// pixels high.
     pub fn pixel_um(&self, height: u32) -> f32 {
         1000.0 * self.pixel_width(height) * self.view.from.distance(self.view.to)
     }

@@ -1,38 +1,38 @@
-//! How long a path goes on: thinned out by chance from a fixed depth, cut off after the most scatterings, and
-//! what cuts leave out.
+//! Length of paths: Russian roulette from a fixed depth, a cut after the largest number of scatterings, and
+//! an estimate of the light that cuts omit.
 //!
-//! The chance to go on is the path's throughput where that is below 1, so that a path among fibers that
-//! absorb nothing ends only where it leaves them. The cut is a guard for paths that never
-//! leave, or a wish for less light. Some of the paths that are cut are followed on beside the picture: they
-//! tell what a cut path would have brought over what it carried.
+//! The survival probability is the path's throughput if that is below 1, so that a path among non-absorbing
+//! fibers ends only where it escapes. The cut guards against paths that never escape, or limits the orders of
+//! scattering. Some cut paths are followed further without adding to the picture: they estimate the light of
+//! a cut path relative to its throughput.
 
 use crate::WAVELENGTHS;
 use crate::spectrum::{Light4, xyz};
 use rand::RngExt;
 use rand_pcg::Pcg64Mcg;
 
-/// Most scatterings of a path unless told otherwise. What an endlessly deep layer of clear fibers still holds
-/// after n scatterings falls as 1 / sqrt(n), which is 0.4 % here.
+/// Default largest number of scatterings of a path. The light within an infinitely deep layer of clear fibers
+/// falls as 1 / sqrt(n) after n scatterings, which is 0.4 % here.
 pub const MAX_SCATTERINGS: u32 = 1 << 16;
-/// Scatterings after which paths are thinned out by chance.
+/// Scatterings after which Russian roulette begins.
 const ROULETTE: u32 = 4;
-/// Chance of a path that is cut to be followed on. Clear fur that is cut after 8 scatterings, which leaves
-/// out 66 % of its light, takes 2 % longer by it.
+/// Probability that a cut path is followed. For clear fur cut after 8 scatterings, which omits 66 % of its
+/// light, this takes 2 % more time.
 const FOLLOWED: f32 = 1.0 / 32.0;
 
-/// Throughput of a path that is followed on, over that at its cut, below which it ends.
+/// Throughput of a followed path relative to that at its cut, below which it ends.
 const NEGLIGIBLE: f32 = 1e-3;
 
-/// A path that is cut.
+/// A cut path.
 struct Cut {
-    /// What came along the path before.
+    /// Light along the path before the cut.
     light: Light4,
     /// Its throughput.
     carried: Light4,
     followed: bool,
 }
 
-/// Scatterings of a path.
+/// Course of a path: its scatterings so far.
 pub(crate) struct Course {
     depth: u32,
     most: u32,
@@ -40,7 +40,7 @@ pub(crate) struct Course {
 }
 
 impl Course {
-    /// Of a path of at most this many scatterings.
+    /// Course of a path of at most this many scatterings.
     pub fn new(most: u32) -> Course {
         Course { depth: 0, most, cut: None }
     }
@@ -50,7 +50,7 @@ impl Course {
         self.depth
     }
 
-    /// Whether the path is scattered once more; `light` is what came along it.
+    /// Whether the path scatters once more; `light` is the light along it so far.
     pub fn goes_on(&mut self, throughput: &Light4, light: &Light4, rng: &mut Pcg64Mcg) -> bool {
         if self.depth < self.most {
             return true;
@@ -66,9 +66,9 @@ impl Course {
         followed
     }
 
-    /// Counts a scattering; whether the path is among those that are kept, which stand for the others. What
-    /// is followed beyond a cut is not thinned out, for less noise from few paths: it ends where nearly
-    /// nothing is left.
+    /// Counts a scattering; returns whether the path survives Russian roulette, with its throughput scaled. A
+    /// path followed beyond a cut has no roulette, for less noise from few paths; it ends when its throughput
+    /// is negligible.
     pub fn survives(&mut self, throughput: &mut Light4, rng: &mut Pcg64Mcg) -> bool {
         let most = |light: &Light4| light.iter().copied().fold(0.0f32, f32::max);
         if let Some(cut) = &self.cut {
@@ -86,8 +86,8 @@ impl Course {
         true
     }
 
-    /// The light of the picture, of all that came along the path, and the sums of what cuts leave out.
-    /// `is_hit`: whether the path met something.
+    /// The picture's share of the light along the path, and the sums for the light that cuts omit. `is_hit`:
+    /// whether the path hit something.
     pub fn end(self, light: Light4, lambda: Light4, is_hit: bool) -> (Light4, CutSums) {
         let y = |l: Light4| f64::from(xyz(lambda, l)[1]);
         let seen = |l: Light4| CutSums { seen: y(l), hits: 1.0, ..CutSums::default() };
@@ -107,18 +107,18 @@ impl Course {
     }
 }
 
-/// Sums over paths that met something, of Y of their light or of their throughput.
+/// Sums over paths that hit something, of Y of their light or of their throughput.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct CutSums {
     /// Light in the picture.
     pub seen: f64,
     /// Number of paths.
     pub hits: f64,
-    /// What paths carried where they were cut.
+    /// Throughput of paths at their cuts.
     pub carried: f64,
-    /// The part of it that was followed on.
+    /// Throughput of the followed ones of them.
     pub followed: f64,
-    /// Light that the followed ones brought.
+    /// Light of the followed paths.
     pub brought: f64,
 }
 
@@ -131,9 +131,8 @@ impl CutSums {
         self.brought += other.brought;
     }
 
-    /// Light that is left out over all light of what is seen, 0 to 1. Beside the paths that were followed,
-    /// one is taken to bring what the mean path from the camera does with nothing left out, for
-    /// cuts so rare that none was followed.
+    /// Omitted light over all light of visible objects, 0 to 1. The estimate counts one more followed path,
+    /// with the light of the mean path from the camera, for cuts so rare that none was followed.
     pub fn share(&self) -> f64 {
         if self.carried <= 0.0 || self.hits <= 0.0 {
             return 0.0;
@@ -144,13 +143,13 @@ impl CutSums {
         left_out / (self.seen + left_out).max(f64::MIN_POSITIVE)
     }
 
-    /// For a file; every digit is kept.
+    /// Text for a file, with all digits.
     pub fn to_text(self) -> String {
         let CutSums { seen, hits, carried, followed, brought } = self;
         format!("{seen} {hits} {carried} {followed} {brought}")
     }
 
-    /// From [`CutSums::to_text`].
+    /// Sums from [`CutSums::to_text`].
     pub fn of_text(text: &str) -> Option<CutSums> {
         let values: Result<Vec<f64>, _> = text.split(' ').map(str::parse).collect();
         match values.ok()?[..] {

@@ -1,27 +1,27 @@
 //! A sheet that falls over a ball and comes to rest on it and on the floor, by position-based dynamics with
-//! small steps (Macklin et al. 2019): distances along and across the threads are kept, those along the bias
-//! and over two cells give way. Sheets do not collide with themselves.
+//! small steps (Macklin et al. 2019): distances along and across the threads are stiff, those along the bias
+//! and over two cells are soft. Sheets do not collide with themselves.
 
 use glam::Vec3;
 
 /// Cells along a side.
 const CELLS: usize = 96;
 const SIDE: usize = CELLS + 1;
-/// Steps a second, and how many are taken.
+/// Steps per second, and number of steps.
 const RATE: f32 = 1500.0;
 const STEPS: usize = 3600;
 /// Weight on a sheet of width 1 [1/s^2].
 const GRAVITY: f32 = 4.0;
-/// Speed that is left after a second.
+/// Relative speed after a second.
 const LEFT_A_SECOND: f32 = 0.25;
 /// Friction of ball and floor.
 const FRICTION: f32 = 0.45;
 
-/// By how much distances along the bias, and over two cells, give way, over what the threads' do.
+/// Compliance of distances along the bias, and over two cells, relative to that of the threads.
 const BIAS: f32 = 40.0;
 const BEND: f32 = 150.0;
 
-/// A distance between two points, and by how much it gives way.
+/// A distance between two points, and its compliance.
 #[derive(Clone, Copy)]
 struct Spring {
     ends: [u32; 2],
@@ -43,7 +43,7 @@ fn springs() -> Vec<Spring> {
             springs.push(Spring { ends, length: cell * x.hypot(y), softness });
         }
     };
-    // Groups of springs that share no point come after each other, so that none is favored.
+    // Groups of springs without common points follow each other, so that none is favored.
     for (di, dj, softness) in [(1, 0, 0.0), (0, 1, 0.0), (2, 0, BEND), (0, 2, BEND)] {
         for odd in 0..2 {
             for j in 0..SIDE {
@@ -67,7 +67,7 @@ fn springs() -> Vec<Spring> {
     springs
 }
 
-/// Moves a point out of what it is `deep` in, and slows it along the surface.
+/// Moves a point that is `deep` in a body out of it, and slows it along the surface.
 fn touch(p: &mut Vec3, before: Vec3, normal: Vec3, deep: f32) {
     *p += normal * deep;
     let moved = *p - before;
@@ -76,11 +76,11 @@ fn touch(p: &mut Vec3, before: Vec3, normal: Vec3, deep: f32) {
     *p -= slid * if long > most { most / long } else { 1.0 };
 }
 
-/// Points of a sheet of width 1 about the origin that has fallen over a ball of this radius about the origin,
-/// above a floor; and their number along a side.
+/// Points of a sheet of width 1, fallen over a ball of this radius about the origin, above a floor; and their
+/// number along a side.
 pub(crate) fn fallen(radius: f32, floor: f32) -> (Vec<Vec3>, usize) {
     let springs = springs();
-    // Turned a little, and not quite flat, so that folds need no chance to begin.
+    // The sheet is turned a little and not quite flat, so that folds begin without randomness.
     let (sin, cos) = 0.35f32.sin_cos();
     let mut p: Vec<Vec3> = (0..SIDE * SIDE)
         .map(|k| {

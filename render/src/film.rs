@@ -1,4 +1,4 @@
-//! The film: sums over the samples of each pixel, kept whole on disk so that a render can go on. `picture.rs`
+//! The film: sums over the samples of each pixel, kept on disk so that a render can resume. `picture.rs`
 //! writes it as EXR and PNG.
 
 use crate::RenderError;
@@ -8,10 +8,10 @@ use plywave::color;
 use std::collections::HashMap;
 use std::path::Path;
 
-/// Bytes a pixel of a film's sums.
+/// Bytes per pixel of a film's sums.
 const PIXEL_BYTES: u64 = 4 * 14;
-/// Bytes a pixel that a render needs at most, beside its sums: one pass of samples, or the pictures while
-/// they are written.
+/// Largest number of bytes per pixel that a render needs beside its sums: one pass of samples, or the
+/// pictures while they are written.
 const WORK_BYTES: u64 = 120;
 
 /// Sums over the samples of each pixel, `[y][x]`.
@@ -32,16 +32,16 @@ pub struct Film {
     hits: Vec<f32>,
     /// Squared deviations of the samples' linear sRGB from their mean.
     deviation: Vec<[f32; 3]>,
-    /// What paths that are cut leave out.
+    /// Sums for the light that cut paths omit.
     cut: CutSums,
 }
 
-/// Which picture of a film.
+/// Picture of a film.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum FilmView {
     /// The light.
     Light,
-    /// The albedo of the surface that is hit first.
+    /// The albedo of the first hit.
     Albedo,
 }
 
@@ -54,7 +54,7 @@ pub(crate) struct Sample {
     pub albedo: [f32; 3],
     /// Normal and depth of the first hit.
     pub hit: Option<([f32; 3], f32)>,
-    /// What cuts leave out.
+    /// Sums for the light that cuts omit.
     pub cut: CutSums,
 }
 
@@ -66,7 +66,7 @@ pub(crate) struct PixelSums {
     normal: [f32; 3],
     depth: f32,
     hits: f32,
-    /// Of linear sRGB: sum and sum of squares.
+    /// Sum and sum of squares of linear sRGB.
     rgb: [[f64; 3]; 2],
     cut: CutSums,
 }
@@ -89,15 +89,15 @@ impl PixelSums {
     }
 }
 
-/// What a render is made of, by name: sums go on only where all of it is the same.
+/// Inputs of a render, by name: a render resumes only if all are the same.
 pub type Ingredients = [(String, String)];
 
-/// Names of the sums in the file, and the numbers of each a pixel.
+/// Names of the sums in the file, and their numbers per pixel.
 const TENSORS: [(&str, usize); 6] =
     [("light", 3), ("albedo", 3), ("normal", 3), ("depth", 1), ("hits", 1), ("deviation", 3)];
 /// Prefix of the ingredients in the file.
 const INGREDIENT: &str = "of ";
-/// Name of what cuts leave out, in the file.
+/// Name of the cuts' sums in the file.
 const CUT: &str = "cut";
 /// Largest header of a file of sums [bytes].
 const MAX_HEADER: u64 = 1 << 20;
@@ -106,7 +106,7 @@ impl Film {
     /// A black film.
     ///
     /// # Errors
-    /// [`RenderError::TooLarge`] where memory does not hold the film and the pictures that are made of it.
+    /// [`RenderError::TooLarge`] if the film and its pictures do not fit in memory.
     pub fn new(width: u32, height: u32) -> Result<Film, RenderError> {
         let pixels = u64::from(width) * u64::from(height);
         let what = format!("a film of {width} x {height} pixels");
@@ -136,7 +136,7 @@ impl Film {
         self.height
     }
 
-    /// Samples a pixel.
+    /// Samples per pixel.
     pub fn samples(&self) -> u32 {
         self.samples
     }
@@ -145,8 +145,8 @@ impl Film {
     pub(crate) fn add(&mut self, x: u32, y: u32, sums: &PixelSums, count: u32) {
         let at = self.at(x, y);
         let (before, n) = (f64::from(self.samples), f64::from(count.max(1)));
-        // Two sets of samples have the squared deviations of both and of their means (Chan, Golub and LeVeque
-        // 1979).
+        // The squared deviations of two sets of samples are those of both and of their means (Chan, Golub and
+        // LeVeque 1979).
         let mean = color::linear_srgb_of_xyz(self.light[at].map(|v| f64::from(v) / before.max(1.0)));
         for k in 0..3 {
             let own = sums.rgb[0][k] / n;
@@ -185,8 +185,8 @@ impl Film {
         color::linear_srgb_of_xyz(self.xyz(view, x, y).map(f64::from)).map(|v| v as f32)
     }
 
-    /// Unit mean of the normals that are hit first, in the scene's axes, turned to the camera; 0 where no
-    /// sample hits.
+    /// Unit mean of the first hits' normals, in the scene's axes, turned to the camera; 0 where no sample
+    /// hits.
     pub fn normal(&self, x: u32, y: u32) -> [f32; 3] {
         let n = self.normal[self.at(x, y)];
         let length = n.iter().map(|v| v * v).sum::<f32>().sqrt();
@@ -199,23 +199,23 @@ impl Film {
         self.depth[at] / self.hits[at].max(1.0)
     }
 
-    /// Variance of a pixel's mean, of red, green and blue of linear sRGB, from the samples' own spread;
-    /// `None` of fewer than two samples.
+    /// Variance of a pixel's mean linear sRGB, from the spread of its samples; `None` for fewer than two
+    /// samples.
     pub fn variance(&self, x: u32, y: u32) -> Option<[f32; 3]> {
         let n = self.samples as f32;
         (self.samples > 1).then(|| self.deviation[self.at(x, y)].map(|d| d / (n * (n - 1.0))))
     }
 
-    /// Light that paths left out because they were cut after the most scatterings, over all light of what is
-    /// seen, 0 to 1: estimated from paths that were followed on beside the picture.
+    /// Light omitted by cuts after the largest number of scatterings, over all light of visible objects, 0 to
+    /// 1; estimated from cut paths that are followed without adding to the picture.
     pub fn cut_share(&self) -> f64 {
         self.cut.share()
     }
 
-    /// The sums as a file's bytes, for [`Film::resume`].
+    /// Bytes of a file with the sums, for [`Film::resume`].
     ///
     /// # Errors
-    /// [`RenderError::Picture`] where they cannot be written down.
+    /// [`RenderError::Picture`] if they cannot be encoded.
     pub fn sums(&self, of: &Ingredients) -> Result<Vec<u8>, RenderError> {
         let bad = |e: safetensors::SafeTensorError| RenderError::Picture { file: "sums".into(), what: e.to_string() };
         let triples = |v: &[[f32; 3]]| v.iter().flatten().flat_map(|v| v.to_le_bytes()).collect::<Vec<u8>>();
@@ -241,10 +241,10 @@ impl Film {
         safetensors::serialize(views, Some(about)).map_err(bad)
     }
 
-    /// Goes on from [`Film::sums`] of a film of this size.
+    /// Resumes from [`Film::sums`] of a film of this size.
     ///
     /// # Errors
-    /// [`RenderError::Picture`] when they are of something else than `of`, which is named, or damaged;
+    /// [`RenderError::Picture`] if they are damaged or an input differs from `of` (the message names it);
     /// [`RenderError::Io`]; as [`Film::new`].
     pub fn resume(path: &Path, of: &Ingredients, width: u32, height: u32) -> Result<Film, RenderError> {
         let file = path.display().to_string();

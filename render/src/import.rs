@@ -1,9 +1,9 @@
-//! From the faces of an OBJ file to a mesh, in double precision until all is in its place.
+//! Import of the faces of an OBJ file as a mesh, in double precision until all vertices are scaled.
 //!
-//! Vertices at the same place are one, whatever their texture coordinates: normals that are made do not break
-//! at a seam, and equal faces are known. "The same place" is to 2^-24 of the mesh's extent, which single
-//! precision does not tell apart. Polygons are cut in the plane of their mean normal (Newell's): into a fan
-//! where one covers them, by clipping ears (`earcut`) where they are concave.
+//! Vertices at the same position are one, whatever their texture coordinates, so that computed normals do not
+//! break at a seam and equal faces are found. Positions are the same within 2^-24 of the mesh's extent, which
+//! single precision cannot resolve. Polygons are cut in the plane of their mean normal (Newell's): into a fan
+//! if one covers them, by clipping ears (`earcut`) if they are concave.
 
 use crate::RenderError;
 use crate::mesh::Mesh;
@@ -18,40 +18,41 @@ use std::path::Path;
 
 /// Largest OBJ file that is read [bytes].
 const MAX_BYTES: u64 = 1 << 30;
-/// Memory to a byte of an OBJ file, at most: a corner of four characters becomes a triangle, its key, its
-/// edges and its vertex.
+/// Largest memory per byte of an OBJ file: a corner of four characters becomes a triangle, its key, its edges
+/// and its vertex.
 const MEMORY_PER_BYTE: u64 = 40;
-/// Steps over the extent of a mesh within which two places are one.
+/// Steps over the extent of a mesh; positions within one step are the same.
 const STEPS: f64 = (1u32 << 24) as f64;
-/// Least extent of a mesh over the spacing of double precision at its coordinates: they must place a corner
-/// to a millionth of the mesh.
+/// Least extent of a mesh over the spacing of double precision at its coordinates: they must resolve a
+/// millionth of the mesh.
 const MIN_SPACINGS: f64 = (1u32 << 20) as f64;
 /// Corners from which a fan is tried.
 const FAN_STARTS: usize = 8;
-/// Most corners of a face that is not covered by a fan.
+/// Largest number of corners of a face that a fan does not cover.
 const MAX_CORNERS: usize = 1 << 20;
-/// Share of a polygon's area that its triangles may be off by rounding; beyond, it crosses itself.
+/// Largest relative rounding error of a polygon's area by its triangles; above it, the polygon crosses
+/// itself.
 const CROSSED: f64 = 1e-6;
 
-/// What was done to a mesh from a file.
+/// Notes on the import of a mesh.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct MeshNotes {
-    /// Millimeters of the scene to one unit of the file.
+    /// Millimeters of the scene per unit of the file.
     pub mm_per_unit: f64,
-    /// Faces left out because others lie in the same place.
+    /// Faces omitted because others have the same positions.
     pub equal: FaceCount,
-    /// Faces left out because they have no area in single precision.
+    /// Faces omitted because they have no area in single precision.
     pub flat: FaceCount,
-    /// Faces that cross themselves; they are cut as well as it goes.
+    /// Faces that cross themselves; they are triangulated approximately.
     pub crossed: FaceCount,
 }
 
-/// Faces of a file that something is said of.
+/// Number and first occurrence of some faces of a file.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct FaceCount {
-    /// How many.
+    /// Number of faces.
     pub count: usize,
-    /// Number of the first, from 1.
+    /// Index of the first, from 1.
     pub first: usize,
     /// Line of the first, from 1.
     pub line: usize,
@@ -67,14 +68,15 @@ impl FaceCount {
 }
 
 impl Mesh {
-    /// Reads a Wavefront OBJ file with texture coordinates: polygons of any shape, normals where corners have
-    /// them; the others are made. One unit of the texture is `cloth_um` of cloth; the mesh is scaled and
-    /// moved into a box of `size_mm` about the origin. Of equal faces one is kept: two sheets in one place
-    /// have no front. Faces without area are left out. Names, materials and colors are not read.
+    /// Reads a Wavefront OBJ file with texture coordinates: polygons of any shape, and normals where corners
+    /// have them; missing normals are computed. One unit of the texture is `cloth_um` of cloth; the mesh is
+    /// scaled and moved into a box of `size_mm` about the origin. Of equal faces one is kept, since
+    /// coincident sheets have no front. Faces without area are omitted. Names, materials and colors are
+    /// ignored.
     ///
     /// # Errors
-    /// [`RenderError::Mesh`] with the line for what is not understood and for a face without uv, for a mesh
-    /// so far from the origin that double precision does not place its corners, and for a file without faces;
+    /// [`RenderError::Mesh`] with the line for invalid text and for a face without uv, for a mesh so far from
+    /// the origin that double precision does not resolve its corners, and for a file without faces;
     /// [`RenderError::Io`]; [`RenderError::TooLarge`].
     pub fn obj(path: &Path, cloth_um: f32, size_mm: f32) -> Result<(Mesh, MeshNotes), RenderError> {
         let name = path.display().to_string();
@@ -133,7 +135,7 @@ impl Mesh {
             Smooth::new(&at, &places.points)
         });
         let mut mesh = Mesh::default();
-        // Vertices by position, uv and normal: one of the file, or one of a side.
+        // Vertices by position, uv and normal: a normal of the file, or a computed one of a side.
         let mut vertices: HashMap<[u32; 4], u32> = HashMap::new();
         for (t, triangle) in triangles.iter().enumerate() {
             mesh.triangles.push(triangle.map(|corner| {
@@ -156,18 +158,18 @@ impl Mesh {
     }
 }
 
-/// Where the vertices of a file lie.
+/// Positions of a file's vertices.
 struct Places {
-    /// Places [mm], about the middle of the mesh.
+    /// Positions [mm], about the middle of the mesh.
     points: Vec<DVec3>,
-    /// Index of a vertex's place; [`NONE`] of one that no face uses.
+    /// Index of a vertex's position; [`NONE`] for a vertex without a face.
     of: Vec<u32>,
-    /// Millimeters to a unit of the file.
+    /// Millimeters per unit of the file.
     mm_per_unit: f64,
 }
 
 impl Places {
-    /// Centers and scales the vertices of faces, and joins those at the same place.
+    /// Centers and scales the vertices of faces, and joins those at the same position.
     fn new(obj: &Obj, name: &str, size_mm: f64) -> Result<Places, RenderError> {
         let bad = |line: usize, what: String| RenderError::Mesh { file: name.to_string(), line, what };
         let at = |i: u32| DVec3::from(obj.positions[i as usize]);
@@ -222,9 +224,9 @@ impl Places {
         self.points[self.of[corner.position as usize] as usize]
     }
 
-    /// The corners of a face that lie apart from the one before, as positions among its corners, and whether
-    /// they go the other way round. More than three begin at the earliest place and go on to the earlier one
-    /// beside it: equal faces are then cut alike, whichever corner they begin with and whichever way they go.
+    /// Indices of the face's corners that differ from the previous one, and whether their order is reversed.
+    /// Rings of more than three corners begin at the lowest position and continue to its lower neighbor, so
+    /// that equal faces are triangulated alike, whatever their first corner and winding.
     fn ring(&self, corners: &[Corner], ring: &mut Vec<usize>) -> bool {
         let place = |i: usize| self.of[corners[i].position as usize];
         ring.clear();
@@ -245,7 +247,7 @@ impl Places {
     }
 }
 
-/// Whether a corner has a normal of some direction.
+/// Whether a corner has a nonzero normal.
 fn has_normal(corner: &Corner, obj: &Obj) -> bool {
     corner.normal != NONE && {
         let normal = DVec3::from(obj.normals[corner.normal as usize]);
@@ -256,7 +258,7 @@ fn has_normal(corner: &Corner, obj: &Obj) -> bool {
 /// Cuts polygons into triangles.
 #[derive(Default)]
 struct Cutter {
-    /// Of the last polygon, as positions in its ring, wound as the face is.
+    /// Triangles of the last polygon, as indices in its ring, wound as the face.
     triangles: Vec<[u32; 3]>,
     earcut: Earcut<f64>,
     points: Vec<[f64; 3]>,
@@ -265,8 +267,8 @@ struct Cutter {
 }
 
 impl Cutter {
-    /// Cuts the polygon of a ring of places; gives whether it crosses itself. One without area may have no
-    /// triangles.
+    /// Cuts the polygon of a ring of positions; returns whether it crosses itself. One without area may have
+    /// no triangles.
     fn cut(&mut self, ring: impl ExactSizeIterator<Item = DVec3> + Clone) -> bool {
         self.triangles.clear();
         let count = ring.len();
@@ -280,7 +282,7 @@ impl Cutter {
         if !project3d_to_2d(&self.points, count, &mut self.flat) {
             return false;
         }
-        // Twice the area of a triangle, above 0 where it is wound as the polygon.
+        // Twice the area of a triangle, positive if it is wound as the polygon.
         let area = |t: [usize; 3]| {
             let [a, b, c] = t.map(|i| self.flat[i]);
             (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
@@ -358,20 +360,21 @@ mod tests {
                 other => panic!("{bad:?}: {other:?}"),
             }
         }
-        // What no face uses may be anything.
+        // Values that no face uses may be anything.
         assert!(read(&format!("{three}v nan inf 1e300\nvt nan nan\nf 1/1 2/1 3/1\n"), 1.0, 1.0).is_ok());
     }
 
     #[test]
     fn equal_faces_are_one_and_flat_ones_none() {
-        // Turned, begun elsewhere, as two triangles; then one without area, and one of two corners.
+        // Equal faces reversed, with another first corner, or as two triangles; then a face without area, and
+        // one of two corners.
         let again = "f 1/1 2/2 3/3 4/4\nf 3/1 4/2 1/3 2/4\nf 4/1 3/2 2/3 1/4\nf 2/1 3/2 4/3 1/4\nf 1/1 2/2 3/3\nf 1/1 3/2 4/3\nf 1/1 1/2 2/3\nf 1/1 2/1\n";
         let (mesh, notes) = read(&format!("{QUAD}{again}"), 1.0, 1.0).unwrap();
         assert_eq!((mesh.triangles.len(), notes.equal, notes.flat), (2, count(5, 2, 10), count(2, 7, 15)));
         assert_eq!(mesh.uv_um[0], [0.0, 0.0]);
     }
 
-    /// 10 000 equal quads loaded and put into a scene within a second, 200 000 at all.
+    /// 10 000 equal quads load into a scene within a second; 200 000 load too.
     #[test]
     fn heaps_of_equal_faces_load() {
         for (count, seconds) in [(10_000, 1.0), (200_000, 60.0)] {
@@ -386,8 +389,8 @@ mod tests {
         }
     }
 
-    /// Polygons of known area, begun at each corner, either way round, in tilted planes far from the origin:
-    /// all of it is covered, once, wound as the face.
+    /// Triangles of polygons of known area, from each first corner, in either winding, in tilted planes far
+    /// from the origin: they cover the area once, wound as the face.
     #[test]
     fn polygons_are_covered_whatever_their_shape() {
         let comb: Vec<[f64; 2]> = (0..40).flat_map(|k| [[f64::from(k), 1.0 + f64::from(k % 2) * 8.0]]).collect();
@@ -444,7 +447,7 @@ mod tests {
                 let got = f64::from(area(&mesh)) / (notes.mm_per_unit * notes.mm_per_unit);
                 assert!((got / want - 1.0).abs() < 1e-4, "{name} from {start}: {got} of {want}");
                 assert_eq!([notes.flat, notes.crossed, notes.equal], [FaceCount::default(); 3], "{name} from {start}");
-                // Signed, about the face's normal: nothing is covered twice and turned.
+                // Signed about the face's normal, so that reversed overlaps would show.
                 let up = DVec3::new(if tilt { -0.8 } else { 0.0 }, 0.0, if tilt { 0.6 } else { 1.0 }).as_vec3();
                 let signed: Vec<f32> = mesh
                     .triangles
@@ -482,7 +485,7 @@ mod tests {
         assert_eq!((notes.crossed, notes.flat), (count(1, 2, 12), count(1, 3, 13)));
     }
 
-    /// A survey's sheet of 3 x 3 faces, 0.3 m wide at some 4 500 km: as the same sheet at the origin, to
+    /// A survey's sheet of 3 x 3 faces, 0.3 m wide at some 4 500 km, equals the same sheet at the origin to
     /// single precision.
     #[test]
     fn places_far_from_the_origin_are_kept() {
@@ -504,8 +507,8 @@ mod tests {
         }
     }
 
-    /// Normals that are made: those of the places, whatever the texture coordinates and the numbers of
-    /// vertices, on a tube and at the poles of a ball.
+    /// Computed normals depend on positions, not on texture coordinates or vertex indices, on a tube and at
+    /// the poles of a ball.
     #[test]
     fn normals_do_not_break_at_seams() {
         let n = 16;
@@ -556,7 +559,7 @@ mod tests {
         }
     }
 
-    /// Normals that the file has are kept, those of length 0 are made, and those of faces without.
+    /// Normals of the file are kept; those of length 0 or missing are computed.
     #[test]
     fn normals_of_the_file_are_kept_where_there_are_any() {
         let text =

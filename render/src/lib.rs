@@ -1,10 +1,10 @@
-//! Reference host of plywave: a small spectral path tracer for a sheet of fabric, so that every part of the
-//! shading model is exercised by a real renderer.
+//! Reference host of plywave: a small spectral path tracer for a sheet of fabric, which exercises every part
+//! of the shading model in a real renderer.
 //!
 //! Four wavelengths go along a path. The camera ray plays the beam of the ply model: at a point of the cloth
-//! it gives latitude and offset on the ply that it meets, and `f(wo)`, which holds the cosine of the light's
-//! direction, weighs the light from `wo`. Light sources are sampled and hit, weighed by the power heuristic;
-//! cloth is thin, paths go on at either side.
+//! it determines latitude and offset on the ply that it hits, and `f(wo)`, which includes the cosine of the
+//! light's direction, weights the light from `wo`. Light sources are sampled and hit, weighted by the power
+//! heuristic. Cloth is thin: paths continue at either side.
 //!
 //! Not implemented: subsurface and volumes, textures other than the weave, depth of field, denoising.
 
@@ -52,7 +52,7 @@ pub use strands::{
 /// Wavelengths along a path.
 pub const WAVELENGTHS: usize = 4;
 
-/// What can be wrong with what a render is given.
+/// Errors of a render and its input.
 #[derive(Debug, thiserror::Error)]
 pub enum RenderError {
     /// A file cannot be read or written.
@@ -60,7 +60,7 @@ pub enum RenderError {
     Io {
         /// The file.
         file: String,
-        /// What the system says.
+        /// Error of the system.
         source: std::io::Error,
     },
     /// A mesh cannot be used.
@@ -70,7 +70,7 @@ pub enum RenderError {
         file: String,
         /// Line from 1; 0 for the whole file.
         line: usize,
-        /// What is wrong.
+        /// Description of the error.
         what: String,
     },
     /// Strands cannot be read or used.
@@ -78,23 +78,23 @@ pub enum RenderError {
     Strands {
         /// The file.
         file: String,
-        /// What is wrong.
+        /// Description of the error.
         what: String,
     },
-    /// A picture cannot be read, written or gone on with.
+    /// A picture cannot be read, written or resumed.
     #[error("{file}: {what}")]
     Picture {
         /// The file.
         file: String,
-        /// What is wrong.
+        /// Description of the error.
         what: String,
     },
-    /// Memory does not hold it.
+    /// Something does not fit in memory.
     #[error("{what} needs {gib:.1} GiB of memory, more than there is; ask for a smaller one")]
     TooLarge {
-        /// What is too large.
+        /// Name of the object that is too large.
         what: String,
-        /// What it needs [GiB].
+        /// Required memory [GiB].
         gib: f64,
     },
     /// Stopped by the host.
@@ -102,15 +102,15 @@ pub enum RenderError {
     Stopped {
         /// Samples done.
         done: u32,
-        /// Samples asked for.
+        /// Total number of samples.
         total: u32,
     },
 }
 
-/// What covers the surface of a scene: a scattering function at each point.
+/// Material of a scene's surface: a scattering function at each point.
 ///
 /// `wo` is the direction back along the path, unit, in the surface's frame: x and y along the cloth's u and
-/// v, z its normal. The scattering function takes the other direction, in the same frame, and holds its
+/// v, z its normal. The scattering function takes the other direction, in the same frame, and includes its
 /// cosine.
 pub trait Surface: Sync {
     /// The scattering function at a point.
@@ -118,7 +118,7 @@ pub trait Surface: Sync {
     where
         Self: 'a;
 
-    /// At a position on the cloth [um] that stands for a part of it of this diameter [um], seen from `wo`, at
-    /// wavelengths [um].
+    /// The scattering function at a position on the cloth [um] with a footprint of this diameter [um], seen
+    /// from `wo`, at wavelengths [um].
     fn at(&self, uv_um: [f32; 2], footprint_um: f32, wo: [f32; 3], lambda_um: [f32; WAVELENGTHS]) -> Self::At<'_>;
 }

@@ -1,4 +1,4 @@
-//! Lamps, and how light of lamps and the sky is found: drawn from one of them, and met by rays.
+//! Lamps, and sampling of lamps and the sky: by directions drawn from a source, and by rays that hit one.
 
 use crate::spectrum::Light4;
 use crate::{Environment, WAVELENGTHS};
@@ -6,8 +6,7 @@ use glam::Vec3;
 use rand::RngExt;
 use rand_pcg::Pcg64Mcg;
 
-/// A rectangle that shines on one side, the side of `edges[0] x edges[1]`, with the same radiance into all
-/// directions.
+/// A rectangular lamp that emits the same radiance into all directions, on the side of `edges[0] x edges[1]`.
 #[derive(Clone, Copy, Debug)]
 pub struct Light {
     /// A corner [mm].
@@ -35,12 +34,12 @@ impl Light {
         self.edges[0].cross(self.edges[1]).length()
     }
 
-    /// Whether rays in `direction` come to the shining side.
+    /// Whether rays in `direction` face the emitting side.
     fn faces(&self, direction: Vec3) -> bool {
         -self.normal().dot(direction) > 1e-9
     }
 
-    /// Distance along a ray to the shining side, if it is met.
+    /// Distance along a ray to the emitting side, if it is hit.
     pub(crate) fn hit(&self, origin: Vec3, direction: Vec3) -> Option<f32> {
         if !self.faces(direction) {
             return None;
@@ -65,22 +64,22 @@ impl Light {
     }
 }
 
-/// How the light of lamps and the sky is found. Each way gives the same picture; alone, either is noisy where
-/// the other is not.
+/// Sampling of lamps and the sky. Each strategy gives the same picture; each alone is noisy where the other
+/// is not.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum LightSampling {
-    /// In both ways, weighed by the power heuristic (Veach 1997, 9.2).
+    /// Both strategies, weighted by the power heuristic (Veach 1997, 9.2).
     #[default]
     Both,
-    /// By directions drawn from a lamp or the sky.
+    /// Directions drawn from a lamp or the sky.
     Sources,
-    /// By directions that the surface scatters into.
+    /// Directions drawn from the surface's scattering.
     Scattering,
 }
 
 impl LightSampling {
-    /// Weight of light in a direction that was drawn from its source with density `pdf`, and that scattering
-    /// has with density `scattering`.
+    /// Weight of light in a direction drawn from its source with density `pdf`; scattering draws it with
+    /// density `scattering`.
     pub(crate) fn of_drawn(self, pdf: f32, scattering: f32) -> f32 {
         match self {
             LightSampling::Both => share(pdf, scattering),
@@ -89,8 +88,8 @@ impl LightSampling {
         }
     }
 
-    /// Weight of light that a ray met, scattered there with density `scattering`; infinite where no other
-    /// direction was possible: from the camera, or straight through.
+    /// Weight of light that a ray hit after scattering with density `scattering`, which is infinite if no
+    /// other direction was possible: from the camera, or straight through.
     pub(crate) fn of_met(self, scattering: f32, pdf: f32) -> f32 {
         match self {
             LightSampling::Both => share(scattering, pdf),
@@ -100,7 +99,7 @@ impl LightSampling {
     }
 }
 
-/// Share of the first way of sampling by the power heuristic.
+/// Weight of the first strategy by the power heuristic.
 fn share(a: f32, b: f32) -> f32 {
     if a <= 0.0 {
         0.0
@@ -112,7 +111,7 @@ fn share(a: f32, b: f32) -> f32 {
     }
 }
 
-/// Light of one source on its way to a place.
+/// Light of one source that arrives at a point.
 pub(crate) struct Arriving {
     /// Unit direction towards the source.
     pub direction: Vec3,
@@ -120,18 +119,18 @@ pub(crate) struct Arriving {
     pub t: f32,
     /// Radiance, by wavelength.
     pub radiance: Light4,
-    /// Density [1/sr] with which [`Sources::draw`] has this direction.
+    /// Density [1/sr] of this direction in [`Sources::draw`].
     pub pdf: f32,
 }
 
 impl Arriving {
-    /// Distance within which nothing may stand before the source [mm].
+    /// Distance [mm] within which an object occludes the source.
     pub fn reach(&self) -> f32 {
         self.t * (1.0 - 1e-4)
     }
 }
 
-/// Lamps and sky of a scene. A lamp hides what is behind it, and is not there for rays that come from behind.
+/// Lamps and sky of a scene. A lamp occludes light behind it, and is invisible to rays from behind.
 #[derive(Clone, Copy)]
 pub(crate) struct Sources<'a> {
     pub lights: &'a [Light],
@@ -145,7 +144,7 @@ impl Sources<'_> {
         self.lights.len() + usize::from(!self.environment.is_dark())
     }
 
-    /// The lamp that a ray meets first, and its distance.
+    /// The first lamp hit by a ray, and its distance.
     fn nearest(&self, origin: Vec3, direction: Vec3) -> Option<(usize, f32)> {
         let met = self.lights.iter().enumerate().filter_map(|(i, l)| l.hit(origin, direction).map(|t| (i, t)));
         met.min_by(|a, b| a.1.total_cmp(&b.1))
@@ -162,8 +161,7 @@ impl Sources<'_> {
         Arriving { direction, t: f32::INFINITY, radiance: self.environment.radiance(texel, lambda_um), pdf }
     }
 
-    /// The source that a ray meets before anything else, which stands at `reach` [mm], infinite where nothing
-    /// does.
+    /// The source that a ray hits before any other object; that is at `reach` [mm], infinite without one.
     pub fn met(&self, origin: Vec3, direction: Vec3, reach: f32, lambda_um: Light4) -> Option<Arriving> {
         if let Some((i, t)) = self.nearest(origin, direction).filter(|(_, t)| *t < reach) {
             return Some(self.of_lamp(i, direction, t));
@@ -172,8 +170,7 @@ impl Sources<'_> {
         is_open.then(|| self.of_sky(direction, self.environment.texel(direction), lambda_um))
     }
 
-    /// Light of a source drawn by chance, in a direction drawn from it; none where another source stands
-    /// before it.
+    /// Light of a randomly drawn source, in a direction drawn from it; `None` if another source occludes it.
     pub fn draw(&self, position: Vec3, lambda_um: Light4, rng: &mut Pcg64Mcg) -> Option<Arriving> {
         let count = self.count();
         let which = (rng.random::<f32>() * count as f32) as usize;

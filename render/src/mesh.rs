@@ -47,11 +47,11 @@ impl Mesh {
         Mesh::grid(1, 1000.0 * size_mm, |s, t| Vec3::new((s - 0.5) * size_mm, (t - 0.5) * size_mm, 0.0))
     }
 
-    /// A square sheet that has fallen over the ball of [`Mesh::BALL`] of its width about the origin and lies
-    /// with its corners on the floor at [`Mesh::FLOOR`] of it. A simulation of a second or two, the same each
-    /// time.
+    /// A square sheet draped over a ball about the origin, with its corners on the floor. The ball's radius
+    /// is [`Mesh::BALL`] and the floor's height [`Mesh::FLOOR`] times the sheet's width. The deterministic
+    /// simulation takes a second or two.
     pub fn drape(size_mm: f32) -> Mesh {
-        // The cloth's own thickness above what carries it.
+        // Thickness of the cloth above its support.
         let lift = 0.004;
         let (points, side) = crate::drape::fallen(Mesh::BALL + lift, Mesh::FLOOR + lift);
         let cells = side - 1;

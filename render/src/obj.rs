@@ -1,14 +1,14 @@
-//! Reads what a sheet needs of a Wavefront OBJ file: vertices, texture coordinates, normals and faces. All
-//! else is passed over: names, materials, colors, smoothing groups, points, lines, curves.
+//! Reads vertices, texture coordinates, normals and faces of a Wavefront OBJ file. All else is ignored:
+//! names, materials, colors, smoothing groups, points, lines, curves.
 //!
-//! Coordinates stay in double precision, and faces stay polygons with the line that they begin on. What is
-//! passed over may be in any encoding. Lines end as they do on Unix, on Windows or on an old Mac; a backslash
-//! at the end of a line continues a statement that is read.
+//! Coordinates stay in double precision, and faces stay polygons with their first line. Ignored text may be
+//! in any encoding. Lines end as they do on Unix, on Windows or on an old Mac; a backslash at the end of a
+//! line continues a statement.
 
 use crate::RenderError;
 use std::borrow::Cow;
 
-/// Index of a texture coordinate or a normal that a corner does not have.
+/// Index of a missing texture coordinate or normal.
 pub(crate) const NONE: u32 = u32::MAX;
 
 /// The geometry of a file.
@@ -29,11 +29,11 @@ pub(crate) struct Obj {
 /// Indices of a face's corner.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Corner {
-    /// Of a vertex.
+    /// Index of a vertex.
     pub position: u32,
-    /// Of a texture coordinate, or [`NONE`].
+    /// Index of a texture coordinate, or [`NONE`].
     pub uv: u32,
-    /// Of a normal, or [`NONE`].
+    /// Index of a normal, or [`NONE`].
     pub normal: u32,
 }
 
@@ -41,8 +41,7 @@ impl Obj {
     /// Reads the bytes of a file; `name` stands for it in errors.
     ///
     /// # Errors
-    /// [`RenderError::Mesh`] with the line, for what is not understood and for an index of what the file does
-    /// not have.
+    /// [`RenderError::Mesh`] with the line, for invalid text and for an index out of range.
     pub fn read(bytes: &[u8], name: &str) -> Result<Obj, RenderError> {
         let bad = |line: usize, what: String| RenderError::Mesh { file: name.into(), line, what };
         let text = decode(bytes);
@@ -66,7 +65,7 @@ impl Obj {
             }
             .map_err(|what| bad(number, what))?;
         }
-        // A corner may name what comes later.
+        // A corner may refer to later vertices.
         for (line, corners) in obj.faces() {
             for corner in corners {
                 for (index, count, what) in [
@@ -110,7 +109,7 @@ impl Obj {
         Ok(())
     }
 
-    /// `vt u v`; v is 0 where it is left out.
+    /// `vt u v`; a missing v is 0.
     fn uv<'a>(&mut self, mut words: impl Iterator<Item = &'a str>) -> Result<(), String> {
         let u = real(words.next().ok_or("a texture coordinate without numbers")?)?;
         self.uvs.push([u, words.next().map_or(Ok(0.0), real)?]);
@@ -134,7 +133,7 @@ impl Obj {
             let mut indices = [NONE; 3];
             let mut parts = word.split('/');
             for (k, part) in parts.by_ref().take(3).enumerate() {
-                // `v//vn` and `v/` leave parts out.
+                // `v//vn` and `v/` have empty parts.
                 if k == 0 || !part.is_empty() {
                     indices[k] = index(part, counts[k]).ok_or_else(|| format!("not a corner of a face: {word}"))?;
                 }
@@ -155,14 +154,14 @@ fn real(word: &str) -> Result<f64, String> {
     word.parse().map_err(|_| format!("not a number: {word}"))
 }
 
-/// An index from 0, of one from 1 or one that counts back from what there is so far.
+/// Index from 0, for an index from 1 or a negative one that counts back from the current end.
 fn index(word: &str, count: usize) -> Option<u32> {
     let from_one: i64 = word.parse().ok()?;
     let index = if from_one < 0 { count as i64 + from_one } else { from_one - 1 };
     u32::try_from(index).ok().filter(|i| *i != NONE)
 }
 
-/// Text of a file. What is read of it is ASCII, whatever the encoding, but for UTF-16, which its mark tells.
+/// Text of a file. Statements are ASCII in all encodings except UTF-16, which has a byte order mark.
 fn decode(bytes: &[u8]) -> Cow<'_, str> {
     let utf16 = |units: &[u8], unit: fn([u8; 2]) -> u16| {
         let units: Vec<u16> = units.as_chunks().0.iter().map(|pair| unit(*pair)).collect();
@@ -198,8 +197,8 @@ impl<'a> Iterator for Lines<'a> {
     }
 }
 
-/// A line without its comment, and whether a backslash at its end continues it. In a comment a backslash
-/// means nothing: a path of Windows may end so.
+/// A line without its comment, and whether a backslash at its end continues it. In a comment a backslash has
+/// no meaning: a path of Windows may end with one.
 fn statement(line: &str) -> (&str, bool) {
     match line.split_once('#') {
         Some((before, _)) => (before, false),
@@ -239,7 +238,7 @@ mod tests {
             let want = if form.contains('\\') { vec![[0, 0, 0], [1, 0, 0]] } else { want(uv, normal) };
             assert_eq!(got, [(6, want)], "{form}");
         }
-        // An index below 0 counts back from the place of the face; one above 0 may name what comes later.
+        // A negative index counts back from the face; a positive one may refer to later vertices.
         let late = faces(b"v 0 0 0\nv 1 0 0\nf 1 2 3\nf -1 -2 1\nv 0 1 0\n");
         assert_eq!(late, [(3, vec![[0, n, n], [1, n, n], [2, n, n]]), (4, vec![[1, n, n], [0, n, n], [0, n, n]])]);
     }

@@ -1,4 +1,4 @@
-//! Path tracing with four wavelengths a path.
+//! Path tracing with four wavelengths per path.
 
 use crate::camera::Camera;
 use crate::course::{Course, CutSums};
@@ -17,36 +17,36 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Side of a tile [pixels].
 const TILE: u32 = 16;
-/// Share of the width of a scattered path's cone that it stands for.
+/// Share of the width of a scattered path's cone that counts as its footprint.
 const SPREAD: f32 = 0.1;
 
 /// Sizes of a render.
 #[derive(Clone, Copy, Debug)]
 pub struct RenderOptions {
-    /// Samples a pixel, in all.
+    /// Total samples per pixel.
     pub samples: u32,
-    /// Most scatterings of a path; [`crate::MAX_SCATTERINGS`] leaves out next to nothing.
+    /// Largest number of scatterings of a path; [`crate::MAX_SCATTERINGS`] omits almost no light.
     pub depth: u32,
     /// Seed of the random numbers. A sample of a pixel depends on seed, pixel and its number alone.
     pub seed: u64,
 }
 
-/// Place and sums of a pixel.
+/// Position and sums of a pixel.
 type Pixel = (u32, u32, PixelSums);
 
-/// What comes along a path.
+/// Result of a path.
 pub(crate) struct Traced {
     /// Radiance, by wavelength.
     pub light: Light4,
-    /// Albedo of what is hit first.
+    /// Albedo of the first hit.
     pub albedo: Light4,
-    /// Normal towards the camera and distance of what is hit first.
+    /// Normal towards the camera and distance of the first hit.
     pub hit: Option<([f32; 3], f32)>,
-    /// What cuts leave out.
+    /// Sums for the light that cuts omit.
     pub cut: CutSums,
 }
 
-/// What paths are followed in.
+/// Scene that paths are traced in.
 pub(crate) trait Tracer: Sync {
     /// Light along a ray from the camera: origin, unit direction, width of a pixel at unit distance.
     fn trace(&self, options: &RenderOptions, ray: (Vec3, Vec3, f32), lambda: Light4, rng: &mut Pcg64Mcg) -> Traced;
@@ -58,12 +58,12 @@ struct Sheet<'a, S> {
     surface: &'a S,
 }
 
-/// Adds samples to a film until it has `options.samples` a pixel, in passes; `after` is called after each
-/// with the samples done and may write the film. Tiles run on the current rayon pool; the picture does not
-/// depend on the number of threads, nor on where it was stopped.
+/// Adds samples to a film in passes until it has `options.samples` per pixel. `after` is called after each
+/// pass with the samples done and may write the film. Tiles run on the current rayon pool. The picture does
+/// not depend on the number of threads or on interruptions.
 ///
 /// # Errors
-/// [`RenderError::Stopped`] when `stop` was set, and what `after` gives.
+/// [`RenderError::Stopped`] when `stop` was set, and the errors of `after`.
 pub fn render<S: Surface>(
     scene: &Scene,
     camera: &Camera,
@@ -76,7 +76,7 @@ pub fn render<S: Surface>(
     render_by(&Sheet { scene, surface }, camera, film, options, stop, after)
 }
 
-/// As [`render`], by any tracer.
+/// As [`render`], for any tracer.
 pub(crate) fn render_by(
     tracer: &impl Tracer,
     camera: &Camera,
@@ -90,7 +90,7 @@ pub(crate) fn render_by(
     let tiles = across * height.div_ceil(TILE);
     while film.samples() < options.samples {
         let first = film.samples();
-        // Passes grow, so that early pictures come soon and late ones cost little.
+        // Passes grow, so that the first picture is early and late ones cost little.
         let count = (first / 2).clamp(1, 16).min(options.samples - first);
         let done: Vec<Option<Vec<Pixel>>> = (0..tiles)
             .into_par_iter()
@@ -144,7 +144,7 @@ fn pixel(
     let (px, py) = (x as f32 + rng.random::<f32>(), y as f32 + rng.random::<f32>());
     let (origin, direction) = camera.ray(px, py, width, height);
     let width_per_mm = camera.pixel_width(height);
-    // First hits take no random numbers: the light is the same with them and without.
+    // First hits use no random numbers, so the light does not depend on them.
     let Traced { light, albedo, hit, cut } = tracer.trace(options, (origin, direction, width_per_mm), lambda, &mut rng);
     let hit = hit.map(|(normal, t)| (normal, camera.depth(direction, t)));
     Sample { light: xyz(lambda, light), albedo: xyz(lambda, albedo), hit, cut }
@@ -169,7 +169,7 @@ fn trace<S: Surface>(
     lambda: Light4,
     rng: &mut Pcg64Mcg,
 ) -> Traced {
-    // Width of the bundle of paths that this one stands for [mm]; it grows with the distance.
+    // Width of the path's footprint [mm]; it grows with the distance.
     let mut width = 0.0;
     let mut hit = None;
     let (mut light, mut albedo, mut throughput) = ([0.0; WAVELENGTHS], [0.0; WAVELENGTHS], [1.0f32; WAVELENGTHS]);
@@ -178,7 +178,7 @@ fn trace<S: Surface>(
     let mut course = Course::new(options.depth);
     loop {
         let meeting = scene.first(origin, direction);
-        // Lamps and the sky, where nothing stands before them.
+        // Lamps and the sky, if nothing occludes them.
         let reach = meeting.map_or(f32::INFINITY, |m| m.point().t);
         if let Some(source) = scene.sources().met(origin, direction, reach, lambda) {
             let weight = scene.sampling.of_met(pdf, source.pdf);
@@ -194,7 +194,7 @@ fn trace<S: Surface>(
         let (seen, next) = match meeting {
             Meeting::Sheet(_) => {
                 let wo = point.frame.local(-direction);
-                // Of the ellipse on the cloth, the geometric mean of its axes.
+                // The geometric mean of the axes of the footprint's ellipse on the cloth.
                 let footprint_mm = width / wo[2].abs().max(0.01).sqrt();
                 let at = surface.at(point.uv_um, 1000.0 * footprint_mm, wo, lambda);
                 (at.albedo(), scatter(scene, &point, &at, goes_on, (lambda, throughput), rng, &mut light))
@@ -219,8 +219,8 @@ fn trace<S: Surface>(
                     throughput[k] *= sample.weight[k];
                 }
                 pdf = sample.pdf;
-                // A direction of this density stands for a cone of the solid angle 1 / density, thinly as
-                // paths are.
+                // A direction of this density represents a cone of the solid angle 1 / density; the footprint
+                // is a share of it.
                 width_per_mm += SPREAD * (1.0 / pdf.max(1e-3)).sqrt();
                 direction = point.frame.world(sample.w).normalize_or_zero();
                 if direction == Vec3::ZERO || pdf <= 0.0 {
@@ -244,7 +244,7 @@ fn trace<S: Surface>(
     Traced { light, albedo, hit, cut }
 }
 
-/// Light from the sources at a point, and how the path goes on, where it does.
+/// Light from the sources at a point, and the continuation of the path, if any.
 fn scatter(
     scene: &Scene,
     point: &SurfacePoint,
@@ -261,13 +261,13 @@ fn scatter(
     at.sample(rng.random())
 }
 
-/// A start beside the sheet, on the side that `direction` goes to.
+/// A starting point off the sheet, on the side that `direction` points to.
 fn leave(point: &SurfacePoint, direction: Vec3) -> Vec3 {
     let offset = 1e-5 * (1.0 + point.position.abs().max_element());
     point.position + point.face * offset.copysign(point.face.dot(direction))
 }
 
-/// Light from one source straight to the point, weighed against finding it by scattering.
+/// Direct light from one source, weighted against sampling by scattering.
 fn direct(
     scene: &Scene,
     point: &SurfacePoint,

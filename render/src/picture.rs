@@ -1,4 +1,4 @@
-//! Pictures as bytes, with what they are of: EXR with layers that denoisers read, PNG with text.
+//! Pictures as bytes with metadata: EXR with layers for denoisers, PNG with text.
 
 use crate::{Film, FilmView, RenderError};
 use exr::prelude::{
@@ -6,7 +6,7 @@ use exr::prelude::{
     SmallVec, Text, Vec2, WritableImage,
 };
 
-/// What a picture is of, written into its file.
+/// Metadata of a picture, written into its file.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Facts {
     /// Program and version.
@@ -15,17 +15,17 @@ pub struct Facts {
     pub fabric: String,
     /// File name of the fabric's spec.
     pub spec: String,
-    /// Digest of all that was read for the picture, as `sha256:...`.
+    /// Digest of all input files of the picture, as `sha256:...`.
     pub digest: String,
     /// The scene.
     pub scene: String,
     /// Seed of the random numbers.
     pub seed: u64,
-    /// Samples a pixel.
+    /// Samples per pixel.
     pub samples: u32,
     /// Stops by which a PNG is brighter.
     pub exposure: f32,
-    /// Share of the light that paths left out because they were cut ([`Film::cut_share`]).
+    /// Share of the light that cuts omit ([`Film::cut_share`]).
     pub cut_share: f64,
 }
 
@@ -50,7 +50,7 @@ impl Facts {
 /// Chromaticities of the primaries and the white of linear sRGB (ITU-R BT.709, D65).
 pub(crate) const REC_709: [[f32; 2]; 4] = [[0.64, 0.33], [0.30, 0.60], [0.15, 0.06], [0.3127, 0.3290]];
 
-/// An OpenEXR text: Latin-1, with `?` for what that lacks.
+/// An OpenEXR text: Latin-1, with `?` for other characters.
 fn text(value: &str) -> Text {
     let plain: String = value.chars().map(|c| if (c as u32) < 256 { c } else { '?' }).collect();
     Text::new_or_panic(&plain)
@@ -58,9 +58,9 @@ fn text(value: &str) -> Text {
 
 impl Film {
     /// An OpenEXR file, one part of 32-bit floats: `R G B`, linear sRGB of the light; `albedo.R G B`;
-    /// `normal.X Y Z`, unit, in the scene's axes, turned to the camera;
-    /// `depth.Z` along the camera's axis [mm]; from two samples on `variance.R G B`, of the mean of a pixel.
-    /// Normal and depth are 0 where nothing is hit. The header has `facts` and the chromaticities.
+    /// `normal.X Y Z`, unit, in the scene's axes, turned to the camera; `depth.Z` along the camera's axis
+    /// [mm]; with two or more samples `variance.R G B`, of the mean of a pixel. Normal and depth are 0 where
+    /// nothing is hit. The header has `facts` and the chromaticities.
     ///
     /// # Errors
     /// [`RenderError::Picture`].
@@ -108,7 +108,7 @@ impl Film {
 }
 
 /// The file with the attributes of its header in the order of their names: the library writes them in the
-/// order of a hash map, another one in each run. No length changes, so that the offsets hold.
+/// random order of a hash map. Lengths do not change, so the offsets stay valid.
 fn sorted_header(mut file: Vec<u8>) -> Vec<u8> {
     /// Magic number and version come before the first attribute.
     const START: usize = 8;
@@ -121,7 +121,7 @@ fn sorted_header(mut file: Vec<u8>) -> Vec<u8> {
             let size = file.get(from..)?.first_chunk::<4>()?;
             Some(from + 4 + u32::from_le_bytes(*size) as usize).filter(|end| *end <= file.len())
         });
-        // A header that is not understood stays as it is.
+        // An unknown header stays unchanged.
         let Some(end) = end else { return file };
         list.push(file[at..end].to_vec());
         at = end;

@@ -1,4 +1,4 @@
-//! Things of matte paint beside the sheet: a floor, a ball that it hangs over.
+//! Matte props beside the sheet: a floor, a ball under a drape.
 
 use glam::Vec3;
 use plywave::bsdf::{DirectionSample, Outcomes};
@@ -22,17 +22,17 @@ pub enum Shape {
     },
 }
 
-/// A thing that reflects light evenly, the same at every wavelength.
+/// A diffuse object of the same albedo at every wavelength.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Prop {
-    /// Where it is.
+    /// Shape and position.
     pub shape: Shape,
     /// Share of light that it reflects, 0 to 1.
     pub albedo: f32,
 }
 
 impl Prop {
-    /// Distance along a ray to its outer side, if it is met.
+    /// Distance along a ray to its outer side, if it is hit.
     pub(crate) fn hit(&self, origin: Vec3, direction: Vec3) -> Option<f32> {
         match self.shape {
             Shape::Floor { height_mm } => {
@@ -40,7 +40,8 @@ impl Prop {
                 (direction.z < 0.0 && t > 0.0).then_some(t)
             }
             Shape::Ball { center, radius_mm } => {
-                // From the point of the line nearest to the center: no difference of large numbers.
+                // Relative to the point of the line nearest to the center, to avoid differences of large
+                // numbers.
                 let to = center - origin;
                 let along = to.dot(direction);
                 let off = (to - direction * along).length_squared();

@@ -1,4 +1,4 @@
-//! A sheet in a BVH, lights, and what a ray meets.
+//! A scene: a sheet in a BVH, props, lights, and the hits of rays.
 
 use crate::light::Sources;
 use crate::mesh::Mesh;
@@ -28,16 +28,16 @@ impl Frame {
     }
 }
 
-/// A point of the sheet that a ray met.
+/// A hit point on the sheet.
 #[derive(Clone, Copy, Debug)]
 pub struct SurfacePoint {
     /// Distance along the ray [mm].
     pub t: f32,
-    /// Place [mm].
+    /// Position [mm].
     pub position: Vec3,
     /// Axes with the interpolated normal.
     pub frame: Frame,
-    /// Unit normal of the triangle, on the side of the frame's.
+    /// Unit normal of the triangle, on the side of the frame's normal.
     pub face: Vec3,
     /// Position on the cloth [um].
     pub uv_um: [f32; 2],
@@ -50,17 +50,17 @@ pub struct Scene {
     /// Indices of the vertices, in the order of `triangles`.
     corners: Vec<[u32; 3]>,
     mesh: Mesh,
-    /// Rectangles.
+    /// Rectangular lamps.
     pub lights: Vec<Light>,
-    /// Light from afar.
+    /// Light from infinitely far.
     pub environment: Environment,
-    /// Things beside the sheet.
+    /// Props beside the sheet.
     pub props: Vec<Prop>,
-    /// How light is found.
+    /// Sampling of light.
     pub sampling: LightSampling,
 }
 
-/// What a ray meets.
+/// Hit of a ray.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Meeting {
     /// The sheet.
@@ -77,8 +77,8 @@ impl Meeting {
     }
 }
 
-/// A ray for the BVH. Adding 0 turns -0 into 0: the BVH takes a ray's octant from the sign of its inverse in
-/// one place and of itself in another.
+/// A ray for the BVH. Adding 0 turns -0 into 0: the BVH takes a ray's octant once from the sign of its
+/// inverse and once from its own sign.
 fn ray(origin: Vec3, direction: Vec3, reach: f32) -> Ray {
     Ray::new(origin.into(), Vec3A::from(direction) + Vec3A::ZERO, 0.0, reach)
 }
@@ -114,7 +114,7 @@ impl Scene {
             && self.bvh.ray_traverse_miss(ray(origin, direction, reach), |ray, i| self.triangles[i].intersect(ray))
     }
 
-    /// What a ray meets first, lights apart.
+    /// First hit of a ray, apart from lights.
     pub(crate) fn first(&self, origin: Vec3, direction: Vec3) -> Option<Meeting> {
         let sheet = self.meet(origin, direction);
         let reach = sheet.map_or(f32::INFINITY, |point| point.t);
@@ -131,7 +131,7 @@ impl Scene {
         Some(Meeting::Prop(SurfacePoint { t, position, frame, face, uv_um: [0.0; 2] }, prop.albedo))
     }
 
-    /// The point of the sheet that a ray meets first.
+    /// First hit of a ray on the sheet.
     pub fn meet(&self, origin: Vec3, direction: Vec3) -> Option<SurfacePoint> {
         let (i, t) = self.nearest(origin, direction, f32::INFINITY)?;
         let corners = self.corners[i].map(|c| c as usize);
@@ -155,8 +155,8 @@ impl Scene {
             face = -face;
         }
         let mut normal = normal.normalize_or(face);
-        // Seen from the side of the face that the ray comes from: a shading normal that looks away is bent to
-        // the face.
+        // Relative to the side of the face that the ray comes from, a shading normal that points away is bent
+        // to the face.
         if normal.dot(direction) * face.dot(direction) <= 0.0 {
             normal = face;
         }

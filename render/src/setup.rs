@@ -1,9 +1,9 @@
-//! Ready-made scenes: what a fabric is looked at in.
+//! Predefined scenes for a fabric.
 
 use crate::{Camera, Environment, Light, Mesh, Prop, Scene, Shape};
 use glam::Vec3;
 
-/// A ready-made scene.
+/// A predefined scene.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Setup {
     /// A flat sheet lit from the viewer's side by a small lamp.
@@ -23,7 +23,7 @@ pub enum Setup {
 }
 
 impl Setup {
-    /// Width of the cloth [mm] where none is given.
+    /// Default width of the cloth [mm].
     pub fn size_mm(self) -> f32 {
         match self {
             Setup::Front | Setup::Back | Setup::Furnace => 30.0,
@@ -52,8 +52,8 @@ impl Setup {
         }
     }
 
-    /// Scene and camera for a sheet `size_mm` wide; `mesh` in place of the setup's own, `sky` in place of its
-    /// environment. Lamps are scaled so that a white diffuse sheet that faces one comes out at about 1.
+    /// Scene and camera for a sheet `size_mm` wide. `mesh` replaces the setup's mesh, `sky` its environment.
+    /// Lamps are scaled so that a white diffuse sheet facing one has a value of about 1.
     pub fn scene(self, size_mm: f32, mesh: Option<Mesh>, sky: Option<Environment>) -> (Scene, Camera) {
         let s = size_mm;
         let at = |x: f32, y: f32, z: f32| Vec3::new(x, y, z) * s;
@@ -64,7 +64,7 @@ impl Setup {
         };
         let dark = || Environment::constant(0.0);
         let dim = || Environment::constant(0.12);
-        // A mesh of the caller's takes the place of the setup's, which is then not made.
+        // A caller's mesh replaces the setup's, which is then not built.
         let own = mesh.is_none();
         let (made, lights, own_sky) = match self {
             // The highlight of a mirror would lie beside the picture: yarns shine where they lean, and

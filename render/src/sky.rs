@@ -1,5 +1,4 @@
-//! Light from infinitely far: a picture in latitude and longitude, each texel of which shines evenly over its
-//! part of the sphere.
+//! Environment light: a picture in latitude and longitude, with constant radiance over each texel.
 
 use crate::spectrum::Light4;
 use crate::{LAMBDA_RANGE_UM, RenderError};
@@ -7,14 +6,14 @@ use glam::{DMat3, DVec3, Vec3};
 use plywave::color;
 use std::f64::consts::{PI, TAU};
 
-/// Wavelengths that part the bands of a sky's spectrum, blue, green and red [um].
+/// Wavelengths that separate the bands of a sky's spectrum, blue, green and red [um].
 const BAND_EDGES_UM: [f32; 2] = [0.49, 0.59];
 
 /// Light from infinitely far: radiance over the sphere, z up, relative to the illuminant's spectrum.
 ///
 /// A texel's spectrum is the illuminant's times one number in each of three bands, below 0.49 um, up to 0.59
-/// um and above. The numbers are those whose light has the texel's color: seen by the camera, or by way of
-/// gray things, a sky has the colors of its picture.
+/// um and above. With these numbers the light has the texel's color: seen directly or through gray
+/// reflectors, a sky has the colors of its picture.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Environment {
     width: usize,
@@ -26,13 +25,13 @@ pub struct Environment {
     columns: Vec<f64>,
 }
 
-/// A texel's radiance summed over the bands: what it is sampled by.
+/// Sampling weight of a texel: its radiance summed over the bands.
 fn weight(texel: &[f32; 3]) -> f64 {
     texel.iter().copied().map(f64::from).sum()
 }
 
-/// From linear sRGB to the bands whose light has that color. No entry is negative: nor is any band of a color
-/// that sRGB has.
+/// Matrix from linear sRGB to the bands whose light has that color. No entry is negative, so no band of an
+/// sRGB color is.
 fn bands_of_srgb() -> DMat3 {
     const STEP_UM: f64 = 1e-4;
     let [low, high] = LAMBDA_RANGE_UM.map(f64::from);
@@ -52,12 +51,12 @@ fn band(lambda_um: f32) -> usize {
 }
 
 impl Environment {
-    /// The same radiance from everywhere.
+    /// The same radiance from all directions.
     pub fn constant(radiance: f32) -> Environment {
         Environment::new(1, 1, vec![[radiance; 3]])
     }
 
-    /// The same radiance from everywhere above the horizon, none from below.
+    /// The same radiance from all directions above the horizon, none from below.
     pub fn above(radiance: f32) -> Environment {
         Environment::new(1, 2, vec![[radiance; 3], [0.0; 3]])
     }
@@ -67,8 +66,7 @@ impl Environment {
     /// the picture is seen from inside (and as Blender has it).
     ///
     /// # Errors
-    /// [`RenderError::Picture`] of no texels, rows that are not whole, and numbers that are not finite or
-    /// below 0.
+    /// [`RenderError::Picture`] for no texels, incomplete rows, and values that are not finite or below 0.
     pub fn picture(width: usize, mut srgb: Vec<[f32; 3]>) -> Result<Environment, RenderError> {
         let bad = |what: String| RenderError::Picture { file: "sky".into(), what };
         if width == 0 || srgb.is_empty() || !srgb.len().is_multiple_of(width) {
@@ -83,7 +81,7 @@ impl Environment {
         }
         let bands = bands_of_srgb();
         for texel in &mut srgb {
-            // Grays stay what they are to the last bit.
+            // Grays stay the same to the last bit.
             if texel[0] != texel[1] || texel[1] != texel[2] {
                 *texel = (bands * DVec3::from(texel.map(f64::from))).as_vec3().max(Vec3::ZERO).to_array();
             }
@@ -91,7 +89,7 @@ impl Environment {
         Ok(Environment::new(width, srgb.len() / width, srgb))
     }
 
-    /// Of radiances in the bands.
+    /// Environment of radiances in the bands.
     fn new(width: usize, height: usize, texels: Vec<[f32; 3]>) -> Environment {
         let (mut rows, mut columns) = (Vec::with_capacity(height), Vec::with_capacity(texels.len()));
         let mut all = 0.0;
@@ -107,20 +105,20 @@ impl Environment {
         Environment { width, height, texels, rows, columns }
     }
 
-    /// Power that it is sampled by.
+    /// Sampling weight of the environment: its power.
     fn power(&self) -> f64 {
         self.rows.last().copied().unwrap_or(0.0)
     }
 
-    /// Whether no light comes from it.
+    /// Whether it has no light.
     pub fn is_dark(&self) -> bool {
         self.power() <= 0.0
     }
 
-    /// The texel that lies in a direction.
+    /// Index of the texel in a direction.
     pub(crate) fn texel(&self, direction: Vec3) -> usize {
         let d = direction.as_dvec3();
-        // The angle from z by both its sine and cosine: near the poles the cosine alone does not part the
+        // The angle from z by both its sine and cosine: near the poles the cosine alone does not separate the
         // rows of large pictures.
         let v = d.x.hypot(d.y).atan2(d.z) / PI;
         let u = 0.5 - d.y.atan2(d.x) / TAU;
@@ -134,7 +132,7 @@ impl Environment {
         lambda_um.map(|l| self.texels[texel][band(l)])
     }
 
-    /// Density [1/sr] of sampling a direction of a texel: all of its directions alike, and texels by their
+    /// Density [1/sr] of sampling a direction of a texel: uniform within the texel, and texels by their
     /// power.
     pub(crate) fn pdf(&self, texel: usize) -> f32 {
         (weight(&self.texels[texel]) / self.power().max(f64::MIN_POSITIVE)) as f32
@@ -151,14 +149,15 @@ impl Environment {
     }
 }
 
-/// Solid angle of a texel in row `j` [sr]: the difference of its edges' cosines, as a product that loses no
-/// digits, times its width.
+/// Solid angle of a texel in row `j` [sr]: the difference of its edges' cosines, as a product without
+/// cancellation, times its width.
 fn solid_angle(j: usize, width: usize, height: usize) -> f64 {
     let half = 0.5 * PI / height as f64;
     2.0 * (half * (2 * j + 1) as f64).sin() * half.sin() * TAU / width as f64
 }
 
-/// The entry of running sums that a share of the last falls into, and how far into it, 0 to 1.
+/// The entry of running sums that contains a share of the last sum, and the fraction within the entry, 0
+/// to 1.
 fn find(sums: &[f64], share: f64) -> (usize, f64) {
     let target = share * sums.last().copied().unwrap_or(0.0);
     let k = sums.partition_point(|s| *s <= target).min(sums.len().saturating_sub(1));
@@ -210,7 +209,7 @@ mod tests {
     #[test]
     fn texels_of_large_pictures_are_told_apart() {
         let mut rng = Pcg64Mcg::seed_from_u64(2);
-        // Rows as narrow as those of 16384 x 8192 texels, of which the first and the last lie within a
+        // Rows as narrow as those of 16384 x 8192 texels, where the first and the last lie within a
         // thousandth of a radian about the poles; and columns as narrow.
         for (width, height) in [(4, 8192), (16384, 16)] {
             for row in [0, 1, height / 2, height - 2, height - 1] {

@@ -10,34 +10,34 @@ use std::fs::File;
 use std::io::{BufReader, Read, Seek};
 use std::path::Path;
 
-/// Most texels of an environment: 16384 x 8192.
+/// Largest number of texels of an environment: 16384 x 8192.
 const MAX_TEXELS: u64 = 1 << 27;
 /// Largest file that is read [bytes]: all texels as 32-bit floats in eight channels.
 const MAX_BYTES: u64 = 32 * MAX_TEXELS;
-/// Bytes that a chunk of an EXR takes at least: 8 in the table of offsets, 4 of its place, 4 of its size.
+/// Least size of a chunk of an EXR [bytes]: 8 in the table of offsets, 4 of its place, 4 of its size.
 const CHUNK_BYTES: u64 = 16;
-/// Bytes a texel that an environment takes: the colors, twice while they are read, and the running sums.
+/// Bytes per texel of an environment: the colors, twice while they are read, and the running sums.
 const TEXEL_BYTES: u64 = 32;
-/// Bytes that a row of a Radiance picture takes at least.
+/// Least size of a row of a Radiance picture [bytes].
 const ROW_BYTES: u64 = 4;
-/// The largest finite half float: what brighter light was written as that a half float does not hold.
+/// The largest finite half float, which replaces infinite values.
 const MAX_HALF: f32 = 65504.0;
 /// Largest radiance; far above the sun's over that of its sky.
 const MAX_RADIANCE: f32 = 1e12;
-/// Names of channels or layers that a message lists at most.
+/// Largest number of channels or layers in a message.
 const MAX_NAMES: usize = 20;
-/// Names of a layer that has all light, where a file has several, in lower case.
+/// Names in lower case of a layer with all light, in a file with several layers.
 const WHOLE: [&str; 4] = ["combined", "rgba", "beauty", "c"];
-/// Shares of red, green and blue in the luminance of linear sRGB (ITU-R BT.709), by which OpenEXR parts
+/// Shares of red, green and blue in the luminance of linear sRGB (ITU-R BT.709), which OpenEXR uses for
 /// luminance and chroma.
 const LUMINANCE: [f32; 3] = [0.2126, 0.7152, 0.0722];
 
-/// Linear sRGB as a file has it, before values that are no radiances are mended.
+/// Linear sRGB as in the file, before invalid radiances are replaced.
 struct Picture {
     width: usize,
     /// `values[y][x]`, rows from the top.
     values: Vec<[f32; 3]>,
-    /// Whether the values were half floats, whose largest stands for what is too bright for them.
+    /// Whether the values are half floats, whose largest value replaces infinity.
     is_half: bool,
     /// Names of the channels.
     names: [String; 3],
@@ -45,15 +45,15 @@ struct Picture {
 
 impl Environment {
     /// A picture in latitude and longitude: OpenEXR, or Radiance (`.hdr`, `.pic`), rows from the zenith down;
-    /// with notes of what was assumed or mended, a line each.
+    /// with notes on assumptions and replaced values, a line each.
     ///
-    /// An EXR has colors in channels `R`, `G`, `B`, in `Y`, `RY`, `BY`, or one that is taken as gray, in a
-    /// layer of any name: of several, `layer` chooses, or else the one without a name or named as the whole
-    /// of the light. Numbers are taken as linear sRGB. Values below 0 and those that are not a number count
-    /// as 0, infinite ones of half floats as the largest half.
+    /// An EXR has colors in channels `R`, `G`, `B`, in `Y`, `RY`, `BY`, or in one channel that counts as
+    /// gray, in a layer of any name. Of several layers, `layer` chooses one; by default it is the one without
+    /// a name or with a name for all light. Values count as linear sRGB. Negative values and NaN count as 0,
+    /// infinite half floats as the largest half.
     ///
     /// # Errors
-    /// [`RenderError::Picture`] when it cannot be read, has more than 134 M texels or no colors, or not the
+    /// [`RenderError::Picture`] if the file cannot be read, has more than 134 M texels, no colors, or no such
     /// `layer`; [`RenderError::TooLarge`]; [`RenderError::Io`].
     pub fn load(path: &Path, layer: Option<&str>) -> Result<(Environment, Vec<String>), RenderError> {
         let name = path.display().to_string();
@@ -89,7 +89,7 @@ impl Environment {
     }
 }
 
-/// Turns values that are no radiances into ones; a line that says how many, and the first.
+/// Replaces invalid radiances; returns a line with their number and the first.
 fn mend(values: &mut [[f32; 3]], width: usize, is_half: bool, names: &[String; 3]) -> Option<String> {
     let mended = |v: f32| match v {
         v if v == f32::INFINITY => {
@@ -107,7 +107,7 @@ fn mend(values: &mut [[f32; 3]], width: usize, is_half: bool, names: &[String; 3
     for (at, texel) in values.iter_mut().enumerate() {
         for (k, v) in texel.iter_mut().enumerate() {
             let new = mended(*v);
-            // Not a number is unequal to all.
+            // NaN is unequal to all values.
             if new != *v && !(gray && k > 0) {
                 count += 1;
                 first.get_or_insert((at % width, at / width, k, *v, new));
@@ -124,7 +124,7 @@ fn mend(values: &mut [[f32; 3]], width: usize, is_half: bool, names: &[String; 3
     })
 }
 
-/// Refuses a picture for its size.
+/// Refuses a picture that is too large.
 fn check_size(name: &str, [w, h]: [u64; 2], sample_bytes: u64) -> Result<(), RenderError> {
     let bad = |what: String| RenderError::Picture { file: name.into(), what };
     let texels = w.saturating_mul(h);
@@ -145,7 +145,7 @@ fn read_radiance(file: BufReader<File>, name: &str, bytes: u64) -> Result<Pictur
     if u64::from(h) * ROW_BYTES > bytes {
         return Err(bad(format!("{w} x {h} texels do not fit into {bytes} bytes; the file is cut off")));
     }
-    // Header lines tell what the radiances were multiplied by.
+    // Header lines give the factors of the radiances.
     let about = decoder.metadata();
     let by = about.exposure.unwrap_or(1.0);
     let (r, g, b) = about.color_correction.unwrap_or((1.0, 1.0, 1.0));
@@ -160,11 +160,11 @@ fn read_radiance(file: BufReader<File>, name: &str, bytes: u64) -> Result<Pictur
     Ok(Picture { width: w as usize, values, is_half: false, names: ["R", "G", "B"].map(String::from) })
 }
 
-/// Where an EXR has colors.
+/// Location of the colors in an EXR.
 struct Colors {
-    /// Which of the file's parts.
+    /// Index of the file's part.
     part: usize,
-    /// Name of the layer, empty where it has none.
+    /// Name of the layer; empty if unnamed.
     layer: String,
     kind: Kind,
     /// Names of the channels: red, green, blue; luminance and its two chromas; or three times the same.
@@ -176,12 +176,12 @@ enum Kind {
     Rgb,
     Chroma,
     Luminance,
-    /// Some one channel.
+    /// Any single channel.
     Single,
 }
 
-/// Layers of a part with their channels: the name before the last dot, and those after it. The part's own
-/// name comes before where it is no part of them.
+/// Layers of a part with their channels: the name before the last dot, and those after it. The part's name is
+/// prepended if they do not contain it.
 fn layers_of(header: &Header) -> Vec<(String, Vec<(String, String)>)> {
     let mut layers: Vec<(String, Vec<(String, String)>)> = Vec::new();
     let part = header.own_attributes.layer_name.as_ref().map(ToString::to_string).unwrap_or_default();
@@ -237,7 +237,7 @@ fn colors_of(headers: &[Header]) -> Vec<Colors> {
     found
 }
 
-/// A list for people, not longer than a line.
+/// A readable list of at most a line.
 fn listed(names: impl Iterator<Item = String>) -> String {
     let names: Vec<String> = names.collect();
     let more = names.len().saturating_sub(MAX_NAMES);
@@ -245,7 +245,7 @@ fn listed(names: impl Iterator<Item = String>) -> String {
     if more > 0 { format!("{list} and {more} more") } else { list }
 }
 
-/// The layer of the given name, or else the one that most likely holds the light.
+/// The layer of the given name, or else the one most likely to have the light.
 fn choose(headers: &[Header], layer: Option<&str>, notes: &mut Vec<String>) -> Result<Colors, String> {
     let mut found = colors_of(headers);
     let channels = || {
@@ -369,7 +369,7 @@ fn check_header(name: &str, header: &Header, bytes: u64) -> Result<(), RenderErr
         return Err(bad(format!("channel {channel} has fewer samples than pixels; save it as R, G, B, or Y alone")));
     }
     check_size(name, [w, h], header.channels.bytes_per_pixel as u64)?;
-    // Every chunk has its place in a table and a head of its own.
+    // Every chunk has an entry in a table and a header.
     if (header.chunk_count as u64).saturating_mul(CHUNK_BYTES) > bytes {
         return Err(bad(format!("{w} x {h} texels do not fit into {bytes} bytes; the file is cut off")));
     }

@@ -1,9 +1,8 @@
-//! Normals of triangles that have none, from the places of their corners alone.
+//! Normals of triangles without normals, from the positions of their corners.
 //!
-//! A corner's normal weighs the faces around its place by their angle there (Thuermer and Wuethrich 1998), so
-//! that it does not depend on how polygons are cut.
-//! Only faces that are joined by edges count, each turned as its neighbor across the edge is wound: pieces
-//! that were wound apart meet without a crease.
+//! A corner's normal weights the faces around its position by their angle there (Thuermer and Wuethrich
+//! 1998), so that it does not depend on the triangulation of polygons. Only faces joined by edges count, each
+//! oriented as its neighbor across the edge, so that pieces of opposite winding join without a crease.
 
 use glam::{DVec3, Vec3};
 use std::collections::HashMap;
@@ -15,7 +14,7 @@ pub(crate) struct Smooth {
 }
 
 impl Smooth {
-    /// Of triangles over `points`.
+    /// Normals of triangles over `points`.
     pub fn new(triangles: &[[u32; 3]], points: &[DVec3]) -> Smooth {
         let mut pieces = Pieces::new(triangles.len());
         let mut edges: HashMap<[u32; 2], (u32, bool)> = HashMap::new();
@@ -23,7 +22,7 @@ impl Smooth {
             for k in 0..3 {
                 let (a, b) = (corners[k], corners[(k + 1) % 3]);
                 let (other, way) = *edges.entry([a.min(b), a.max(b)]).or_insert((t, a < b));
-                // Neighbors that are wound alike pass the edge in opposite ways.
+                // Neighbors with the same winding traverse the edge in opposite directions.
                 if other != t {
                     pieces.join(t, other, way == (a < b));
                 }
@@ -49,23 +48,24 @@ impl Smooth {
         Smooth { sides, normals }
     }
 
-    /// The side of its piece on which a triangle's normals are: corners of one place and one side have the
+    /// The side of its piece on which a triangle's normals are: corners of one position and one side have the
     /// same normal.
     pub fn side(&self, triangle: usize) -> u32 {
         self.sides[triangle]
     }
 
-    /// The unit normal at a place of a side; of no direction where the faces around it cancel.
+    /// The unit normal at a position of a side; zero if the faces around it cancel.
     pub fn normal(&self, place: u32, side: u32) -> Vec3 {
         let normal = self.normals.get(&[place, side / 2]).copied().unwrap_or_default();
         if side % 2 == 1 { -normal } else { normal }
     }
 }
 
-/// Triangles joined to pieces, each wound as the piece's first or the other way: disjoint sets with parity.
+/// Connected pieces of triangles, each with the winding of the piece's first triangle or the opposite:
+/// disjoint sets with parity.
 struct Pieces {
     parents: Vec<u32>,
-    /// Whether each is wound unlike its parent.
+    /// Whether the winding of each is opposite to its parent's.
     turned: Vec<bool>,
 }
 
@@ -74,11 +74,11 @@ impl Pieces {
         Pieces { parents: (0..count as u32).collect(), turned: vec![false; count] }
     }
 
-    /// The piece of a triangle, and whether it is wound unlike that.
+    /// The piece of a triangle, and whether its winding is opposite.
     fn find(&mut self, triangle: u32) -> (u32, bool) {
         let (mut at, mut turned) = (triangle as usize, false);
         while self.parents[at] as usize != at {
-            // Halves the path.
+            // Path halving.
             let parent = self.parents[at] as usize;
             self.turned[at] ^= self.turned[parent];
             self.parents[at] = self.parents[parent];
@@ -88,7 +88,7 @@ impl Pieces {
         (at as u32, turned)
     }
 
-    /// Joins two triangles that are wound unlike or alike. A band with one side stays torn somewhere.
+    /// Joins two triangles of opposite (`unlike`) or equal winding. A one-sided band keeps a seam somewhere.
     fn join(&mut self, a: u32, b: u32, unlike: bool) {
         let ((a, a_turned), (b, b_turned)) = (self.find(a), self.find(b));
         if a != b {
@@ -148,7 +148,7 @@ mod tests {
         assert_eq!((smooth.normal(0, smooth.side(0)), smooth.normal(0, smooth.side(1))), (Vec3::Z, Vec3::X));
     }
 
-    /// A band with one side cannot be wound alike all round: it still has normals everywhere.
+    /// A one-sided band has no consistent winding, but has normals everywhere.
     #[test]
     fn bands_with_one_side_have_normals() {
         let n = 24;
@@ -163,7 +163,7 @@ mod tests {
         let m = 2 * n as u32;
         let side = |k: u32| {
             let (a, b) = (2 * k, 2 * k + 1);
-            // After a turn the edges change places.
+            // After a turn the edges are swapped.
             let (c, d) = if k + 1 == m / 2 { (1, 0) } else { (a + 2, b + 2) };
             [[a, b, d], [a, d, c]]
         };

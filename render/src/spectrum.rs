@@ -1,4 +1,4 @@
-//! The wavelengths of a path, and the color of light at them.
+//! Wavelengths of a path, and the color of its light.
 
 use crate::WAVELENGTHS;
 use plywave::color;

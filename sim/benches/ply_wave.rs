@@ -6,11 +6,11 @@
 //! cargo bench -p plywave-sim --bench ply_wave -- [fibers ..] [circles] [merged] [theta=DEG] [tolerance=T] [truth=T]
 //! ```
 //!
-//! With `merged` the coupled system is solved by merging groups of fibers, and the truth is that of the
-//! system solved whole at the tolerance `truth`. Errors are the largest relative L2 difference over
-//! azimuths, beams and polarizations, from the run at the tolerance `truth` (left out for 0), which is by
-//! the multipole series where all fibers are circles. Seconds are of the clock and of all threads together;
-//! the peak is the process' own so far, beside what the solver said it would be.
+//! With `merged` the coupled system is solved by merging groups of fibers, and the reference is the system
+//! solved whole at the tolerance `truth`. Errors are the largest relative L2 difference over azimuths, beams
+//! and polarizations from the reference (omitted for 0), which is the multipole series if all fibers are
+//! circles. Seconds are of the clock and of all threads together; the peak is the process' own so far, beside
+//! the solver's estimate.
 
 use plywave_sim::wave::{
     BeamSource, Body, C64, CompressedSolver, MultipoleSolver, Polarization, Scattered, Shape, Source, Wave, WaveSolver,
@@ -31,7 +31,7 @@ fn axes(body: &Body) -> (f64, f64) {
     }
 }
 
-/// A point off the outline by `grow` along its normal.
+/// A point at the distance `grow` from the outline along its normal.
 fn outline(body: &Body, t: f64, grow: f64) -> C64 {
     let (a, b) = axes(body);
     let (sin, cos) = t.sin_cos();
@@ -46,14 +46,14 @@ fn encloses(body: &Body, z: C64) -> bool {
     (local.re / a).powi(2) + (local.im / b).powi(2) < 1.0
 }
 
-/// Fibers slid from the sites of a hexagonal lattice towards its middle until they are as close as the gap
+/// Fibers moved from the sites of a hexagonal lattice towards its middle until they are as close as the gap
 /// allows.
 fn ply(count: usize, circles: bool) -> Vec<Body> {
     let mut rng = Pcg64Mcg::seed_from_u64(3);
     let mut sites: Vec<C64> = (-10..=10)
         .flat_map(|i| (-10..=10).map(move |j| C64::new(i as f64 + 0.5 * j as f64, 0.75f64.sqrt() * j as f64)))
         .collect();
-    // The small part orders sites of one distance.
+    // The small term orders sites at equal distance.
     let rank = |z: &C64| z.norm() + 1e-6 * z.arg();
     sites.sort_by(|x, y| rank(x).total_cmp(&rank(y)));
     let [a_um, b_um] = SEMI_AXES_UM;
@@ -71,7 +71,7 @@ fn ply(count: usize, circles: bool) -> Vec<Body> {
             let hits = all.iter().any(|other| {
                 let apart = [0, 1].map(|k| other.center_um[k] - new.center_um[k]);
                 let apart = apart[0].hypot(apart[1]);
-                // One on top of the other encloses no outline around it.
+                // Concentric fibers enclose each other without crossing outlines.
                 apart < 2.0 * SEMI_AXES_UM[1]
                     || apart < 2.0 * (a_um + GAP_UM)
                         && (0..720).map(|k| k as f64 * TAU / 720.0).any(|t| {
@@ -124,7 +124,7 @@ fn peak_gib() -> f64 {
 }
 
 fn main() {
-    // `cargo test --benches` only wants to see that it starts.
+    // `cargo test --benches` only checks that it starts.
     if std::env::args().any(|a| a == "--test") {
         return;
     }

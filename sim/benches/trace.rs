@@ -1,5 +1,5 @@
-//! Paths per second through the standard polyester ply: screw march beside triangles in the same run, one
-//! thread beside two.
+//! Paths per second through the standard polyester ply: screw march and triangles in the same run, on one
+//! thread and on two.
 //!
 //! `cargo bench -p plywave-sim --bench trace`; the throughput line of each is paths per second.
 
@@ -18,7 +18,7 @@ fn paths_per_second(c: &mut Criterion) {
         ("triangles in obvhs, 1 thread", TracerKind::Mesh, 1),
     ] {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");
-        // Two latitudes, so that geometry is built once for many paths; it is part of what is measured.
+        // Two latitudes, so that geometry is built once for many paths; its time is included.
         let options = SimOptions {
             tracer,
             instances: 8,

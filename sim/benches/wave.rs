@@ -9,8 +9,7 @@ use plywave_sim::wave::{
 use std::f64::consts::TAU;
 use std::time::Instant;
 
-/// Seconds this thread has run, where the system tells: what a machine shared with others leaves of the
-/// clock.
+/// Seconds this thread has run, if the system reports it, so that other work on the machine does not count.
 fn running() -> f64 {
     let stat = std::fs::read_to_string("/proc/thread-self/schedstat").unwrap_or_default();
     stat.split_whitespace().next().and_then(|s| s.parse::<f64>().ok()).map_or(f64::NAN, |ns| ns * 1e-9)
@@ -34,7 +33,7 @@ fn error(got: &[Scattered], want: &[Scattered]) -> f64 {
 }
 
 fn main() {
-    // `cargo test --benches` only wants to see that it starts.
+    // `cargo test --benches` only checks that it starts.
     if std::env::args().any(|a| a == "--test") {
         return;
     }

@@ -1,7 +1,7 @@
-//! How far along a ply light leaves it from where it came in: quantiles of the distance, in units of the
-//! ply's radius R, between the place where a line is nearest to the ply's axis and the last place at which
-//! its light meets a fiber, along the axis and towards the light's side. Clear fibers and, by weight, fibers
-//! of 0.003 per um; light that was not reflected once alone.
+//! Axial spread of light in a ply: quantiles of the distance, in units of the ply's radius R, from the point
+//! where a line is nearest to the ply's axis to the last point at which its light hits a fiber, along the
+//! axis and towards the light's side. Clear fibers and, by weight, fibers of 0.003 per um; without light that
+//! was reflected only once.
 //!
 //! `cargo run --release -p plywave-sim --example exits_along -- [paths a latitude] [fabrics/NAME.toml ..]`
 
@@ -17,12 +17,11 @@ const SECTORS: [&str; 3] = ["back", "aside", "through"];
 const INSTANCES: u64 = 6;
 const SIGMA_PER_UM: f32 = 0.003;
 
-/// Place along the axis at which the path's light leaves, over R; sector of the azimuth; length in the fibers
-/// [um].
+/// Position along the axis at which the path's light leaves, over R; sector of the azimuth; length in the
+/// fibers [um].
 type Exit = (f32, usize, f32);
 
-/// A path of light that comes from +y at this latitude, at a random offset across a ply that is turned at
-/// random.
+/// A path of light from +y at this latitude, at a random offset across a randomly turned ply.
 fn exit(tracer: &ScrewTracer, surfaces: &Surfaces, radius: f32, theta_i: f32, rng: &mut Pcg64Mcg) -> Option<Exit> {
     let x = radius * (2.0 * rng.random::<f32>() - 1.0);
     let (sin, cos) = (TAU * rng.random::<f32>()).sin_cos();

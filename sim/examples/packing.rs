@@ -1,4 +1,4 @@
-//! Radial density of packed plies, chance to meet a fiber, and time a ply:
+//! Radial density of packed plies, probability to hit a fiber, and time per ply:
 //! `cargo run --release -p plywave-sim --example packing -- fabrics/*.toml`.
 //!
 //! ci: build only

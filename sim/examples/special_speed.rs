@@ -1,4 +1,4 @@
-//! Time of one call of the special functions [ns], the crate's beside the ray's.
+//! Time of one call of the special functions [ns], of the crate and of rays.
 //!
 //! `cargo run --release -p plywave-sim --example special_speed`
 

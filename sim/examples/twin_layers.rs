@@ -1,4 +1,4 @@
-//! Two straight layers of touching plies, one ply a yarn: reflectance and transmittance by path tracing of
+//! Two straight layers of touching plies, one ply per yarn: reflectance and transmittance by path tracing of
 //! the explicit fibers.
 //!
 //!     cargo run --release -p plywave-sim --example twin_layers -- [PATHS] [POINTS] [untwisted]

@@ -1,9 +1,9 @@
-//! Numbers of Xia et al. 2020: how much more light than its width a fiber takes (Table 1), fringes behind a
+//! Numbers of Xia et al. 2020: light received by a fiber relative to its width (Table 1), fringes behind a
 //! fiber (Fig. 11-12), pairs of fibers (Fig. 18); and maps of scattering over phi_i and phi_r in color (Fig.
 //! 6 and the last row of Fig. 4).
 //!
-//! `cargo run --release -p plywave-sim --example xia` prints the numbers of circles; `-- ellipses` those of
-//! ellipses, which take minutes; `-- maps FOLDER` writes the maps as PNG.
+//! `cargo run --release -p plywave-sim --example xia` prints the numbers of circles; `-- ellipses` prints
+//! those of ellipses, which take minutes; `-- maps FOLDER` writes the maps as PNG.
 
 use plywave::fiber::{DielectricFiber, DielectricParameters};
 use plywave::frame::direction;
@@ -20,7 +20,7 @@ use std::f64::consts::{FRAC_PI_2, PI, TAU};
 use std::path::Path;
 use std::time::Instant;
 
-/// Index of the clear fibers; the paper does not say its own.
+/// Index of the clear fibers; the paper does not give its own.
 const ETA: f64 = 1.55;
 
 fn body(shape: Shape, eta: f64) -> Body {
@@ -54,7 +54,7 @@ fn intensity(wave: &Wave, both: &[Scattered]) -> Vec<f64> {
 fn ratio(body: &Body, wave: &Wave, phi_i: &[f64], tolerance: f64) -> Result<f64, WaveError> {
     let fiber = SingleFiber::of_body(body);
     let sources: Vec<Source> = phi_i.iter().flat_map(|phi| lights(*phi)).collect();
-    // The extinction comes from the forward amplitude, whatever the azimuths asked for.
+    // The extinction comes from the forward amplitude, whatever the requested azimuths.
     let scattered = solver(body, wave, tolerance)?.scatter(&sources, 8)?;
     let mut most = 0.0f64;
     for (both, phi) in scattered.chunks(2).zip(phi_i) {
@@ -239,12 +239,12 @@ fn pairs() -> Result<(), WaveError> {
                 (0..n).for_each(|j| sum[j] += found[(j + turn) % n] / TURNS as f64);
             }
         }
-        // Off the forward direction by more than 2 degrees, as the paper leaves that out.
+        // Only directions more than 2 degrees off forward, as in the paper.
         let off: Vec<usize> = (0..n).filter(|j| (*j as f64 - n as f64 / 2.0).abs() * 360.0 / n as f64 > 2.0).collect();
         let rms = |f: &dyn Fn(usize) -> f64| (off.iter().map(|j| f(*j).powi(2)).sum::<f64>() / off.len() as f64).sqrt();
         let independent = |j: usize| 2.0 * alone[j];
         let size = rms(&|j| independent(j));
-        // Without light from one to the other: the mean of the phases over the turns.
+        // Without scattering between the two: the mean of the phases over the turns.
         let phases = |j: usize| {
             let delta = TAU * j as f64 / n as f64 - PI;
             independent(j)
@@ -315,7 +315,7 @@ fn maps(folder: &Path) -> Result<(), Box<dyn Error>> {
         let begun = Instant::now();
         let size = 360;
         let colors = map(&fiber, lambdas, size)?;
-        // White is what five of a hundred places exceed.
+        // White is the value that five of a hundred pixels exceed.
         let mut light: Vec<f64> = colors.iter().map(|c| c[1]).collect();
         light.sort_by(f64::total_cmp);
         let white = light[light.len() * 95 / 100];

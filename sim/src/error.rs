@@ -1,6 +1,6 @@
 //! Errors of the simulator: values, not prose. Each prints as one line.
 
-/// What can go wrong between a yarn spec and a table.
+/// Errors between a yarn spec and a table.
 #[derive(Debug, thiserror::Error)]
 pub enum SimError {
     /// The fibers could not be placed within the ply without overlap.
@@ -22,9 +22,9 @@ pub enum SimError {
     /// The spec's fiber outline cannot be built.
     #[error("fiber.shape: {what}; {hint}")]
     BadOutline {
-        /// What is wrong.
+        /// Description of the error.
         what: String,
-        /// What would be accepted.
+        /// Accepted values.
         hint: String,
     },
     /// The fibers crowd so much that the screw march's grid cannot tell them apart.
@@ -37,7 +37,7 @@ pub enum SimError {
         field: &'static str,
         /// Offending value.
         value: String,
-        /// What would be accepted.
+        /// Accepted values.
         hint: &'static str,
     },
     /// A size in the options is out of range.
@@ -100,7 +100,7 @@ pub enum SimError {
     BadShard {
         /// Number of the shard.
         shard: usize,
-        /// What is wrong.
+        /// Description of the error.
         what: String,
     },
     /// The job has fewer shards than parts.
@@ -116,9 +116,9 @@ pub enum SimError {
     /// Parts that cannot be merged into a whole.
     #[error("{}; {hint}", plywave::one_line(what, 1000))]
     Merge {
-        /// What is wrong.
+        /// Description of the error.
         what: String,
-        /// What to do about it.
+        /// Fix.
         hint: String,
     },
     /// A run with too few paths: its result could not be saved because of the noise of its energies.

@@ -1,4 +1,5 @@
-//! The cloth model against path tracing of explicit fibers, and its light by view and by light direction.
+//! The cloth model compared with path tracing of explicit fibers, and its energy by view and by light
+//! direction.
 
 use plywave::fabric::FabricOptions;
 use plywave::twin::{ClothTwin, ComparisonOptions, Light, compare};
@@ -11,7 +12,7 @@ fn folder() -> String {
     format!("{}/fabrics", env!("CARGO_MANIFEST_DIR"))
 }
 
-/// Each is loaded once, beside others.
+/// Loads each fabric once, in parallel with others.
 fn fabric(name: &'static str) -> Arc<FabricModel> {
     type Once = Arc<OnceLock<Arc<FabricModel>>>;
     static LOADED: Mutex<BTreeMap<&str, Once>> = Mutex::new(BTreeMap::new());
@@ -20,12 +21,12 @@ fn fabric(name: &'static str) -> Arc<FabricModel> {
     once.get_or_init(load).clone()
 }
 
-/// What a cloth may be off from its twin: R and T up to 60 degrees, twice that beyond; L2 of the upper half
-/// up to 60 degrees and beyond; L2 of the lower half where more than 0.05 is transmitted, up to 60 degrees.
-/// Issued limits are 0.015, 0.12 and 0.2; measured ones stand, rounded up. Light between yarns is that of
-/// random paths, which moves single figures by some 0.003. With models of whole yarns in place of one ply's,
-/// light of muslin, denim and worsted was off by 0.015, 0.036 and 0.026, their lower half by 0.16, 0.40 and
-/// 0.24.
+/// Limits of the errors of a cloth against its twin: R and T up to 60 degrees, twice that beyond; L2 of the
+/// upper half up to 60 degrees and beyond; L2 of the lower half up to 60 degrees where more than 0.05 is
+/// transmitted. The targets are 0.015, 0.12 and 0.2; the limits are measured errors, rounded up. Inter-yarn
+/// scattering uses random paths, which changes single figures by some 0.003. With models of whole yarns in
+/// place of one ply's, the errors of R and T of muslin, denim and worsted are 0.015, 0.036 and 0.026, those
+/// of their lower half 0.16, 0.40 and 0.24.
 struct Limits {
     name: &'static str,
     light: f64,
@@ -33,7 +34,7 @@ struct Limits {
     lower: f64,
 }
 
-/// Gold, alpaca and glass were never looked at while the model was made: what it is worth elsewhere.
+/// Gold, alpaca and glass are held-out cloths.
 const LIMITS: [Limits; 9] = [
     Limits { name: "polyester_layers", light: 0.016, upper: [0.09, 0.10], lower: 0.08 },
     Limits { name: "polyester_satin", light: 0.018, upper: [0.11, 0.08], lower: 0.10 },
@@ -46,9 +47,8 @@ const LIMITS: [Limits; 9] = [
     Limits { name: "glass_plain", light: 0.041, upper: [0.31, 0.25], lower: 0.42 },
 ];
 
-/// The cloths that ship against the twins that ship, `plywave twin fabrics/NAME.toml --paths 120000`:
-/// explicit fibers, eight views, three absorptions. Of the cloth what ray optics has: twins have no
-/// diffraction.
+/// The shipped cloths are near their shipped twins, `plywave twin fabrics/NAME.toml --paths 120000`: explicit
+/// fibers, eight views, three absorptions. The cloth uses ray optics alone, as twins have no diffraction.
 fn cloths_are_near_their_twins(name: &'static str) {
     let limits = LIMITS.iter().find(|limits| limits.name == name).unwrap();
     let fabric = fabric(limits.name);
@@ -120,7 +120,7 @@ mod cloths_are_near_their_twins {
     }
 }
 
-/// Mean over places of a clear cloth.
+/// Positions on a clear cloth, for means.
 fn places(fabric: &FabricModel, n: usize) -> impl Iterator<Item = [f32; 2]> {
     let [w, h] = fabric.fabric().repeat_um().map(|r| r * (1.0 + (4000.0 / r).floor()));
     (0..n).map(move |k| {
@@ -140,9 +140,9 @@ fn eval(fabric: &FabricModel, at: [f32; 2], wo: [f32; 3], wi: [f32; 3]) -> f64 {
     )
 }
 
-/// A clear cloth sends out what comes in, from each view and from each light direction, rays going straight
-/// through gaps: as diffracted they are light of grazing views that comes from single directions. Asked for
-/// are 0.02 at every cosine.
+/// A clear cloth conserves energy, from each view and from each light direction, with rays going straight
+/// through gaps: diffracted light of grazing views comes from single directions. The target is 0.02 at every
+/// cosine.
 fn clear_cloths_conserve_energy_both_ways(cloth: &'static str) {
     const N: usize = 60_000;
     for (name, z, by_view_most, by_light_most) in [
@@ -177,7 +177,7 @@ fn clear_cloths_conserve_energy_both_ways(cloth: &'static str) {
             let cos = f64::from(other[2].abs());
             by_view += 2.0 * PI / cos * eval(&fabric, at, one, other) / N as f64;
             by_light += 2.0 * PI / z * eval(&fabric, at, other, one) / N as f64;
-            // Straight light is that of the line itself, whichever end it comes from.
+            // Straight light is that of the line itself, from either end.
             let query = FabricQuery { sigma_per_um: [Some([0.0]); 2], ..FabricQuery::new(at, one, [0.55]) };
             straight.iter_mut().for_each(|s| *s += f64::from(fabric.at(&query).straight()[0]) / N as f64);
         }
@@ -236,7 +236,7 @@ fn layers_are_reciprocal() {
     assert!(off < 0.05, "{off}");
 }
 
-/// Sampling covers what eval holds: no weight of a sample is large, whatever the place and view, and the
+/// Sampling covers all light of eval: no sample has a large weight, whatever the position and view, and the
 /// energy by samples is that by even directions.
 fn samples_cover_what_eval_holds(name: &'static str) {
     const N: usize = 200_000;
@@ -301,11 +301,11 @@ mod samples_cover_what_eval_holds {
     }
 }
 
-/// Largest weight of gray samples, by mean over the channels of dyed ones, and their greatest variance over
-/// the square of the mean, at one place and view, clear, light and with the spec's own colors. Those of dyed
-/// layers, satin and organza are half way between the ones of chances by what leaves the cloth, as it was,
-/// and those measured; those of cloths of several plies, whose light is shared anew among plies and yarns,
-/// are measured ones, rounded up.
+/// Limits of the largest weight of gray samples, of the mean over channels of dyed ones, and of the largest
+/// variance over the square of the mean, at one position and view, clear, light and with the spec's colors.
+/// The limits of cloths of several plies are measured values, rounded up; those of dyed layers, satin and
+/// organza are half way between measured values and those of probabilities by the light that leaves the
+/// cloth.
 struct Weights {
     name: &'static str,
     most: f64,
@@ -321,8 +321,8 @@ const WEIGHTS: [Weights; 6] = [
     Weights { name: "wool_plain", most: 2.5, variance: [0.174, 0.23, 0.0325] },
 ];
 
-/// Weights of a cloth's samples at even places, tilts up to 85 degrees from both sides: the largest, the
-/// variance within a place and view over the square of the mean.
+/// Weights of a cloth's samples at even positions, tilts up to 85 degrees from both sides: the largest, and
+/// the variance within a position and view over the square of the mean.
 fn weights<const N: usize>(fabric: &FabricModel, sigma_per_um: Option<[f32; N]>, lambda_um: [f32; N]) -> (f64, f64) {
     const PLACES: usize = 12_000;
     const EACH: usize = 4;
@@ -352,8 +352,8 @@ fn weights<const N: usize>(fabric: &FabricModel, sigma_per_um: Option<[f32; N]>,
     (most, within / (sum * sum))
 }
 
-/// No sample of a cloth has a large weight, and samples of a place differ little: what many scatterings in
-/// folds multiply.
+/// No sample of a cloth has a large weight, and samples of a position differ little, as many scatterings in
+/// folds multiply weights.
 fn weights_of_samples_are_small(name: &'static str) {
     let limits = WEIGHTS.iter().find(|limits| limits.name == name).unwrap();
     let fabric = fabric(limits.name);

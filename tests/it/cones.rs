@@ -1,6 +1,6 @@
 //! Models of cones. Chain of trust: `cone::ConeLobe` is tested against brute-force integrals in its own file;
-//! the reference implementation sums such lobes in f64; here the kernels are held to it, and the model to
-//! itself: furnace, sampling, files, slits, mirrored incidences.
+//! the reference implementation sums such lobes in f64. Here the kernels are compared with it; then furnace,
+//! sampling, files, slits, mirrored incidences.
 
 use crate::synthetic::{STANDARD, Sizes, cone_model, model};
 use plywave::check::{CheckOptions, check_model};
@@ -59,7 +59,7 @@ fn kernels_match_the_reference_implementation() {
                     pdf_error = pdf_error.max((f64::from(at.eval_pdf(wo).1) - want_pdf).abs());
                 }
             }
-            // A ring 0.001 rad wide magnifies what f32 rounds of a latitude near the pole.
+            // A ring 0.001 rad wide magnifies the f32 rounding of a latitude near the pole.
             assert!(error <= 1e-3 * peak, "eval at {theta_i} {h}: error {error}, peak {peak}");
             assert!(pdf_error <= 1e-3 * pdf_peak, "pdf at {theta_i} {h}: error {pdf_error}, peak {pdf_peak}");
         }
@@ -86,8 +86,8 @@ fn furnace_sampling_and_chi_square() {
     }
 }
 
-/// Half way between nodes a narrow ring lies where the physics has it, which no interpolation of latitudes of
-/// round lobes would give near the pole.
+/// Half way between nodes a narrow ring has the physical position, which interpolated latitudes of round
+/// lobes miss near the pole.
 #[test]
 fn rings_between_nodes_stay_on_the_cone() {
     let mut data = cone_model(7, STANDARD, 20.0);
@@ -138,7 +138,7 @@ fn batches_equal_single_calls_and_what_is_no_direction_is_dark() {
     }
 }
 
-/// What a slit takes leaves the lobes and comes back in its own term: all terms together keep the energy.
+/// Light of a slit leaves the lobes and returns in its own term: all terms together keep the energy.
 #[test]
 fn slits_take_from_cones_what_they_diffract() {
     let m = PlyModel::from_data(cone_model(9, STANDARD, 0.0)).unwrap();

@@ -1,8 +1,8 @@
-//! Every model that loads is answered in bounded time. Each tensor of a small model is set in turn to the
-//! ends of what the loader allows, which are found by bisection of the loader itself, and what stands behind
-//! `plywave check`, `eval`, `sample`, `info` and `plot` is run on what then loads. Where a bandwidth is at
-//! its end, the integrals over the sphere hold too: the check's nodes follow the lobe (`src/check/nodes.rs`
-//! holds them to closed forms).
+//! Every model that loads is evaluated in bounded time. Each tensor of a small model is set in turn to the
+//! ends of the range that loads, found by bisection of the loader, and the code of `plywave check`, `eval`,
+//! `sample`, `info` and `plot` runs on the result. At the ends of a bandwidth the integrals over the sphere
+//! are accurate too: the check's nodes follow the lobe (`src/check/nodes.rs` compares them with closed
+//! forms).
 
 use plywave::check::{CheckOptions, FURNACE_TOLERANCE, check_incidence, check_layers, check_model, check_whole};
 use plywave::frame::direction;
@@ -13,10 +13,10 @@ use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 use std::time::{Duration, Instant};
 
-/// Longest that one model may take: a hundred times what any takes, for busy machines.
+/// Longest time for one model: a hundred times that of any, for busy machines.
 const LIMIT: Duration = Duration::from_secs(20);
 
-/// A model's file, of which tensors are changed in place.
+/// A model's file, whose tensors are changed in place.
 struct File {
     bytes: Vec<u8>,
     tensors: Vec<Tensor>,
@@ -31,7 +31,7 @@ struct Tensor {
     count: usize,
 }
 
-/// Which numbers of a tensor are changed.
+/// Choice of the changed numbers of a tensor.
 #[derive(Clone, Copy, Debug)]
 enum Change {
     /// One takes a value.
@@ -91,7 +91,7 @@ impl File {
         bytes
     }
 
-    /// The files at the ends of a change below and above, as `signs` say: the farthest values that load.
+    /// The files at the lower and upper end of a change, by `signs`: the farthest values that load.
     fn ends(&self, t: &Tensor, change: Change, signs: &[f64]) -> Vec<(f64, Vec<u8>)> {
         let start = match change {
             Change::One(i) | Change::Each { first: i, .. } => self.value(t, i),
@@ -120,7 +120,7 @@ impl File {
     }
 }
 
-/// Runs what the commands run on a model; gives the time and whether its integrals hold.
+/// Runs the code of the commands on a model; returns the time and whether its integrals are accurate.
 fn run(bytes: &[u8]) -> (Duration, bool) {
     let begun = Instant::now();
     let model = PlyModel::from_bytes(bytes, "corner").unwrap();
@@ -154,7 +154,7 @@ fn run(bytes: &[u8]) -> (Duration, bool) {
     let density = lobes.pdf_error().max(whole.map_or(0.0, |w| w.pdf_error));
     println!("  furnace {furnace:.1e}, density {density:.1e}");
     let held = furnace <= FURNACE_TOLERANCE && density <= 10.0 * FURNACE_TOLERANCE;
-    // Layers are held to what they may miss elsewhere; here to an answer.
+    // Other tests compare layers with their limits; here they need only a finite result.
     assert!(layers.is_none_or(|l| l.scatter.furnace_error.is_finite()));
     (begun.elapsed(), held)
 }
@@ -170,8 +170,8 @@ fn corner(file: &File, name: &str, change: Change, signs: &[f64], is_held: bool)
     }
 }
 
-/// Sharp edge lobes, across and along the ply and one alone, which made a check without end, and sharp lobes
-/// of f_high.
+/// Sharp edge lobes, across and along the ply and one alone, are checked in bounded time, and so are sharp
+/// lobes of f_high.
 #[test]
 fn bandwidths_at_their_ends_are_resolved() {
     let file = File::load("tests/data/small.pwm");
@@ -186,7 +186,7 @@ fn bandwidths_at_their_ends_are_resolved() {
 #[ignore = "slow: 300 s: every tensor of the file"]
 fn every_tensor_at_its_ends_is_answered_in_time() {
     let small = File::load("tests/data/small.pwm");
-    // What the small model has not.
+    // Tensors that the small model lacks.
     let whole = File::load("fabrics/models/polyester.pwm");
     for file in [&small, &whole] {
         for tensor in &file.tensors {
@@ -201,7 +201,7 @@ fn every_tensor_at_its_ends_is_answered_in_time() {
             if ["refl", "high"].contains(&tensor.name.as_str()) {
                 changes.extend((0..6).map(|first| Change::Each { first, stride: 6 }));
             }
-            // What the bandwidths are, the integrals follow.
+            // The integrals follow the bandwidths.
             let is_held = |change: &Change| {
                 let sides = matches!(change, Change::Each { first: 3 | 4, .. });
                 tensor.name == "edge_ln_mu" || (sides && ["refl", "high"].contains(&tensor.name.as_str()))

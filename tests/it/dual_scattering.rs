@@ -1,5 +1,5 @@
-//! Dual scattering (Khungurn 2015) against closed forms, its own balance, and quadrature of the models' f.
-//! Light traced through layers and bundles is in `dual_truth.rs`.
+//! Dual scattering (Khungurn 2015) compared with closed forms, its own energy balance, and quadrature of the
+//! models' f. `dual_truth.rs` compares it with light traced through layers and bundles.
 
 use plywave::fiber::dual_scattering::{
     Attenuation, Backscattering, DualBsdf, DualOptions, DualScattering, Occlusion, Spread, stack,
@@ -48,8 +48,8 @@ fn forward_share(kappa: f64) -> f64 {
     1.0 - (0.5 * PI - 4.0 / PI * sum) / PI
 }
 
-/// Physics: 1/2 for kappa 0; 0.6817, 0.9179, 0.9745 for 1, 10, 100. And the quadrature of the model gives
-/// that, R sends half each way (3.1), and both add up to the albedo.
+/// Physics: 1/2 for kappa 0; 0.6817, 0.9179, 0.9745 for 1, 10, 100. The quadrature of the model agrees, R
+/// sends half each way (3.1), and both add up to the albedo.
 #[test]
 fn attenuations_are_the_closed_forms() {
     for (kappa, want) in [(1.0f64, 0.6817), (10.0, 0.9179), (100.0, 0.9745)] {
@@ -238,8 +238,8 @@ fn attenuations_hold_between_the_nodes() {
     }
 }
 
-/// Without drift the variance is the note's: n times beta^2 of TT (Khungurn 2015, 3.2), whatever the lobe's
-/// cos^2 leaves of the width, and whole or not the number of fibers.
+/// Without drift the variance is the note's: n times beta^2 of TT (Khungurn 2015, 3.2), whatever the effect
+/// of the lobe's cos^2 on the width, for integer and fractional numbers of fibers.
 #[test]
 fn without_drift_the_variance_is_n_beta_squared() {
     let wide_r = KhungurnParameters { beta_r: 0.8, beta_tt: 0.4, ..Default::default() };
@@ -264,7 +264,7 @@ fn without_drift_the_variance_is_n_beta_squared() {
     // With drift it is that of the light itself, which the poles narrow.
     let with = dual(&khungurn(0.05, 0.9, 0.1, 0.4), DualOptions::default());
     assert!(passed(&with, 0.8, 8.0).variance < 0.9 * 0.08);
-    // A function that has no such parameter: of the Gaussian whose light has its spread.
+    // A function without such a parameter: that of the Gaussian with the same spread of light.
     let model = khungurn(0.0, 1.0, 0.4, 0.4);
     let query = light(0.0, 0.0);
     let any = DualScattering::from_bsdf(|omega_i| model.at(&FiberQuery { omega_i, ..query }), DualOptions::default())
@@ -296,7 +296,7 @@ fn sums_over_layers_are_right() {
     let three = b.powi(3) * a * a / (1.0 - a * a).powi(3);
     assert!((series(0.7, 0.01) - one - three).abs() < 1e-8);
     assert!((full(0.7, 0.01) - one - three).abs() < 2e-3 * three + 1e-8, "{} {one} {three}", full(0.7, 0.01));
-    // No layer lets all pass, one is a fiber, endless ones are the sum; nothing is lost between.
+    // Zero layers transmit all, one is a fiber, infinitely many are the sum; no energy is lost between.
     let none = stack(0.6, 0.3, 0);
     assert_eq!([none.reflected, none.transmitted], [0.0, 1.0]);
     let single = stack(0.6, 0.3, 1);
@@ -371,8 +371,8 @@ fn passed(dual: &DualScattering<3>, theta: f32, count: f32) -> Occlusion<3> {
 }
 
 /// Energies: a fiber with nothing before it is the fiber itself; the terms' integrals are
-/// [`DualBsdf::energy`]; with all densities 1 and nothing absorbed, what comes back of endless layers and
-/// what T_f leaves are all of the light.
+/// [`DualBsdf::energy`]; with all densities 1 and no absorption, the light returned by infinitely many layers
+/// and the rest of T_f are all of the light.
 #[test]
 fn energies_balance() {
     for (c_tt, beta, gamma) in [(1.0, 0.1, 0.3), (0.5, 0.3, 1.0), (0.9, 0.6, 0.5)] {
@@ -404,8 +404,8 @@ fn energies_balance() {
     }
 }
 
-/// Fibers behind: none leaves the fiber alone, many are endless ones. Fractions of fibers are fractions of
-/// their attenuation.
+/// Fibers behind: none gives the fiber alone, many equal infinitely many. Fractions of fibers are fractions
+/// of their attenuation.
 #[test]
 fn fibers_are_counted() {
     let model = khungurn(0.05, 0.9, 0.1, 0.4);
@@ -425,7 +425,7 @@ fn fibers_are_counted() {
             apart.pass(&dual, 0.0, 0.5 * count);
             let want = a_f.powf(count);
             assert!((at_once.transmitted[0] - want).abs() < 1e-4 && (apart.transmitted[0] - want).abs() < 1e-4);
-            // Beyond 64 fibers at once the drift stands still.
+            // Beyond 64 fibers at once the drift is constant.
             let tolerance = if count > 64.0 { 0.1 } else { 0.02 };
             assert!(
                 (at_once.variance / apart.variance - 1.0).abs() < tolerance,

@@ -1,6 +1,6 @@
-//! Dual scattering against light traced through layers and bundles of fibers, by the fiber's own samples
-//! alone. The figures are those of docs/explain/dual_scattering.md; the bounds are the method's error as
-//! measured, rounded up, so that a change that makes it worse is seen.
+//! Dual scattering compared with light traced through layers and bundles of fibers, by the fiber's own
+//! samples alone. The figures are those of docs/explain/dual_scattering.md; the limits are the method's
+//! measured errors, rounded up, so that a change that makes it worse fails.
 
 use plywave::fiber::dual_scattering::{DualOptions, DualScattering, Spread};
 use plywave::fiber::{KhungurnFiber, KhungurnParameters, Reflectance};
@@ -25,7 +25,7 @@ fn light(theta: f32, phi: f32) -> FiberQuery<3> {
     FiberQuery::new(direction(theta, phi), LAMBDA_UM)
 }
 
-/// One scattering of light from `wi`: where it goes, and how much of it.
+/// One scattering of light from `wi`: its direction and weight.
 fn scatter(model: &FiberModel, wi: [f32; 3], rng: &mut Pcg64Mcg) -> Option<([f32; 3], [f32; 3])> {
     let at = model.at(&FiberQuery::new(wi, LAMBDA_UM));
     match at.sample([rng.random(), rng.random(), rng.random()]) {
@@ -34,11 +34,11 @@ fn scatter(model: &FiberModel, wi: [f32; 3], rng: &mut Pcg64Mcg) -> Option<([f32
     }
 }
 
-/// What light did in layers of fibers that let none slip by, y up, light from above.
+/// Light in layers of fibers without gaps, y up, light from above.
 #[derive(Default)]
 struct Layers {
-    /// Share that leaves below having only gone down, and its latitudes: sum, sum of squares, of the first
-    /// wavelength.
+    /// Share that leaves below after only downward scattering, and its latitudes: sum, sum of squares, of the
+    /// first wavelength.
     ahead: [f64; 3],
     latitude: [f64; 2],
     below: [f64; 3],
@@ -82,7 +82,7 @@ fn trace_layers(model: &FiberModel, theta: f32, phi: Option<f32>, layers: i32, p
     sums
 }
 
-/// T_f and sigma_f of n layers, and what endless layers send back.
+/// T_f and sigma_f of n layers, and the reflectance of infinitely many layers.
 #[test]
 #[ignore = "slow: 5 s: light through layers"]
 fn light_through_layers() {
@@ -118,8 +118,8 @@ fn light_through_layers() {
                     theta + occlusion.drift
                 );
                 if layers > 1 {
-                    // The spread levels off as the drift says; fibers further from normal light are not held
-                    // to a mean over azimuths.
+                    // The spread levels off according to the drift; at latitudes further from normal, fibers
+                    // are not compared with a mean over azimuths.
                     assert!(
                         (f64::from(occlusion.variance.sqrt()) - sd).abs() < 0.06,
                         "{name}: {occlusion:?}, traced {sd}"
@@ -129,7 +129,7 @@ fn light_through_layers() {
                         "{name}: {occlusion:?}, traced {mean}"
                     );
                 }
-                // One layer under light of all azimuths is what a_f is defined by.
+                // One layer under light of all azimuths defines a_f.
                 if layers == 1 && phi.is_none() {
                     for n in 0..3 {
                         let (t, want) = (f64::from(occlusion.transmitted[n]), traced.ahead[n]);
@@ -182,8 +182,8 @@ impl Bundle {
         Bundle { centers, radius }
     }
 
-    /// Fibers along a line from `from` in direction `d`, but `own`: the distance and number of the first, and
-    /// how many.
+    /// Fibers along a line from `from` in direction `d`, except `own`: the distance and index of the first,
+    /// and their number.
     fn met(&self, from: [f64; 2], d: [f64; 2], own: usize) -> (Option<(f64, usize)>, u32) {
         let (mut first, mut count) = (None, 0);
         for (k, c) in self.centers.iter().enumerate() {
@@ -208,8 +208,8 @@ impl Bundle {
 const BINS: usize = 12;
 const NONE: usize = usize::MAX;
 
-/// Light from `[theta, 0]` that a bundle scatters, over the azimuth: shares of the light that falls on its
-/// diameter [1/rad], and of what is scattered once alone. Light leaves a fiber from its axis.
+/// Light from `[theta, 0]` that a bundle scatters, over the azimuth: shares of the light incident on its
+/// diameter [1/rad], in total and of single scattering. Light leaves a fiber from its axis.
 fn trace_bundle(model: &FiberModel, bundle: &Bundle, theta: f32, paths: u32, rng: &mut Pcg64Mcg) -> Vec<[f64; 3]> {
     let mut bins = vec![[0.0; 3]; BINS];
     for _ in 0..paths {

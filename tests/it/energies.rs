@@ -1,7 +1,7 @@
-//! Energies of a model at incidences between its nodes, against rays and paths at those incidences: the
-//! beam's offset and latitude themselves, no histogram, no spline. Both see the same instances of the ply.
+//! Energies of a model at incidences between its nodes, compared with rays and paths at exactly those
+//! incidences, without histogram or spline. Both use the same instances of the ply.
 //!
-//! Truth: lines drawn from the beam's profile about h, turned at random, traced by
+//! Reference: lines drawn from the beam's profile about h, turned at random, traced by
 //! [`plywave_sim::trace_path`].
 
 use nalgebra::Vector3;
@@ -31,7 +31,7 @@ fn options(spec: &YarnSpec) -> SimOptions {
     }
 }
 
-/// A line of the beam at (theta_i, h), as a ply turned and shifted at random sees it: where it enters the
+/// A line of the beam at (theta_i, h) in the frame of a randomly turned and shifted ply: its entry into the
 /// ply's bounding cylinder, and its direction.
 fn line<R: Rng>(
     spec: &YarnSpec,
@@ -60,8 +60,8 @@ fn line<R: Rng>(
     Some((turn(at), turn(d)))
 }
 
-/// Shares that hit nothing, are reflected only, are otherwise scattered at sigma = 0 and 0.01, each with its
-/// standard error.
+/// Shares of light that hits nothing, that is only reflected, and that is otherwise scattered at sigma = 0
+/// and 0.01, each with its standard error.
 fn traced(
     spec: &YarnSpec,
     tracers: &[ScrewTracer],
@@ -162,8 +162,8 @@ fn energies_of_lined_fibers_hold_between_the_nodes() {
     energies_hold_between_the_nodes(Packing::Lined);
 }
 
-/// The fine grids at the nodes of the slices, against the slices' own weighted sums: two estimators, paths
-/// and rays of their own.
+/// The fine grids at the nodes of the slices agree with the slices' own weighted sums: two estimators with
+/// separate paths and rays.
 #[test]
 #[ignore = "slow: 10 s: fine energies are those of the slices"]
 fn fine_energies_are_those_of_the_slices() {

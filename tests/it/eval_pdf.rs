@@ -1,6 +1,6 @@
-//! `eval_pdf` shares work between `eval` and `pdf`, and so does `sample`: here each is held to the two it
-//! stands for, in every case of a fabric that ships (one layer, two layers, gaps), with speckle and without,
-//! and for the whole ply, with slits and without.
+//! `eval_pdf` shares work between `eval` and `pdf`, and so does `sample`: here each is compared with the two
+//! that it replaces, in every case of a shipped fabric (one layer, two layers, gaps), with speckle and
+//! without, and for the whole ply, with slits and without.
 
 use plywave::fabric::{FabricModel, FabricOptions, FabricSpec};
 use plywave::frame::direction;
@@ -111,8 +111,8 @@ fn whole_plies_answer_together_what_they_answer_alone() {
     }
 }
 
-/// Cached lobes are multiplied out where uncached ones are summed: both give the same, for models of both
-/// sizes whose lobes are cached, and for one whose lobes are not.
+/// Cached lobes are multiplied out, uncached ones are summed: both agree, for models of both sizes with
+/// cached lobes, and for one without.
 #[test]
 fn cached_plies_answer_what_uncached_ones_do() {
     let mut rng = Pcg64Mcg::seed_from_u64(3);

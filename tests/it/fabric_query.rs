@@ -1,5 +1,5 @@
-//! What a point of a fabric can have of its own: color, turn of the pattern, models; stripes of several
-//! models in a family; all of it from memory. Each is held to a fabric that has it everywhere.
+//! Overrides at a point of a fabric: color, turn of the pattern, models; stripes of several models in a
+//! family; all from memory. Each is compared with a fabric that has the value everywhere.
 
 use plywave::fabric::{FabricOptions, FabricSpec, GapLight, YarnSet};
 use plywave::frame::direction;
@@ -12,7 +12,7 @@ use std::f32::consts::TAU;
 
 const LAMBDA: [f32; 3] = [0.45, 0.55, 0.65];
 
-/// The model of polyester that ships, and one whose fibers absorb as if they were three times as thick.
+/// The shipped polyester model, and one whose fibers absorb as if three times as thick.
 fn models() -> [PlyModel; 2] {
     let path = format!("{}/fabrics/models/polyester.pwm", env!("CARGO_MANIFEST_DIR"));
     let light = PlyModel::load(path).unwrap();
@@ -49,7 +49,7 @@ fn queries(count: usize) -> Vec<Query> {
         .collect()
 }
 
-/// Each yarn alone, without light from or to others.
+/// Each yarn alone, without inter-yarn scattering.
 const ALONE: FabricOptions = FabricOptions { layers: false, shadowing: false, ..FabricOptions::SMOOTH };
 
 /// Each yarn of a striped family shades as in a fabric of its model alone; stripes repeat, negative yarns
@@ -74,7 +74,7 @@ fn stripes_have_the_model_of_their_yarn() {
         }
         let dark = usize::from(hit.yarn.rem_euclid(3) == 2);
         seen[dark] += 1;
-        // A line that also passes the rim of another yarn has a part of that one's light.
+        // A line that also passes the rim of another yarn includes part of its light.
         other_rims += u32::from(got.eval(wi) != whole[dark].at(&query).eval(wi));
     }
     assert!(10 * other_rims < seen[0] + seen[1], "{other_rims} of {seen:?}");
@@ -102,7 +102,7 @@ fn points_have_their_own_color_and_models() {
     assert!(differ > 300, "{differ} points have warp yarns");
 }
 
-/// A turned pattern seen from a turned direction is the pattern: f, density, samples, in all cases of the
+/// A turned pattern seen from a turned direction equals the pattern: f, density, samples, in all cases of the
 /// beam.
 #[test]
 #[ignore = "slow: 5 s: turned patterns turn the light"]

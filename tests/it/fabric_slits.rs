@@ -1,5 +1,5 @@
-//! Slits between the fibers of a fabric's yarns (Yu 2025, 7.3): asked for by the spec or by options, what a
-//! slit takes of a ply's light it sends on, and samples cover it.
+//! Slits between the fibers of a fabric's yarns (Yu 2025, 7.3): requested by the spec or by options; a slit
+//! transmits the light that it removes from a ply, and samples cover it.
 
 use plywave::check::check_bsdf;
 use plywave::fabric::{ColorOf, FabricBsdf, FabricOptions, FabricSpec, Slits, YarnColor, YarnSet};
@@ -14,7 +14,7 @@ use std::path::Path;
 use std::sync::OnceLock;
 
 const LAMBDA: [f32; 3] = [0.45, 0.55, 0.65];
-/// Each yarn alone, without light from or to others.
+/// Each yarn alone, without inter-yarn scattering.
 const ALONE: FabricOptions = FabricOptions { layers: false, shadowing: false, ..FabricOptions::SMOOTH };
 
 /// An open plain weave of silk, with more keys of the warp's yarns.
@@ -51,8 +51,8 @@ fn case(at: &FabricBsdf<'_, 3>) -> usize {
     if at.is_gap() { 0 } else { 1 + usize::from(at.is_double()) }
 }
 
-/// Where two layers lie nothing changes; where one lies, of light that goes on some is in the slit's pattern,
-/// whose color depends on the direction.
+/// Two layers are unchanged; with one layer, some transmitted light is in the slit's pattern, whose color
+/// depends on the direction.
 #[test]
 #[ignore = "slow: 5 s: slits color one layer alone"]
 fn slits_color_one_layer_alone() {
@@ -83,8 +83,8 @@ fn slits_color_one_layer_alone() {
     assert!(reds.iter().all(|n| *n > 100), "redder and bluer of {}: {reds:?}", seen[1]);
 }
 
-/// Slits lose no light of clear fibers, nor of dyed ones: what leaves a point is what leaves it without. Each
-/// ply alone: integrals over the sphere of samples.
+/// Slits lose no light of clear fibers, nor of dyed ones: the light that leaves a point is the same as
+/// without. Each ply alone: integrals over the sphere of samples.
 #[test]
 #[ignore = "slow: 15 s: slits keep the energy of a point"]
 fn slits_keep_the_energy_of_a_point() {
@@ -102,7 +102,7 @@ fn slits_keep_the_energy_of_a_point() {
             checked += 1;
             let r = check_bsdf(&at, [0.006, 0.012], 20_000, &mut || rng.random());
             assert!(r.furnace_error < 3e-3 && r.pdf_error < 3e-3, "{r:?}");
-            // The tabulated density of a slit has steps, where a direction that went through two frames may
+            // The tabulated density of a slit has steps, where a direction transformed through two frames may
             // be on the other side.
             assert!(r.weight_error < 0.05 && r.sampled_furnace_se < 5.0 && r.chi2_p > 1e-3, "{r:?}");
             let (mut error, mut peak, mut steps) = (0.0f32, 0.0f32, 0);
@@ -118,7 +118,7 @@ fn slits_keep_the_energy_of_a_point() {
     }
 }
 
-/// A clear cloth with slits sends on all light that meets it, its layers and shadows included.
+/// A clear cloth with slits conserves all light, its layers and shadows included.
 #[test]
 #[ignore = "slow: 15 s: clear cloth with slits is white"]
 fn clear_cloth_with_slits_is_white() {
@@ -149,7 +149,7 @@ fn clear_cloth_with_slits_is_white() {
     }
 }
 
-/// The spec's keys are the option for one family; a share of 0, and the option that says so, are no slits.
+/// The spec's keys are the option for one family; a share of 0 in spec or option means no slits.
 #[test]
 #[ignore = "slow: 10 s: specs ask for slits"]
 fn specs_ask_for_slits() {

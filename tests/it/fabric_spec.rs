@@ -1,5 +1,5 @@
-//! Fabric specs and WIF files: good ones load, bad ones are refused in one line that names section, key and
-//! hint, none panics.
+//! Fabric specs and WIF files: valid ones load, invalid ones are refused in one line that names section, key
+//! and hint, and none panics.
 
 use plywave::fabric::{Draft, Fabric, FabricSpec, LoadedFabric, MAX_THREADS, Wif, YarnColor, YarnSet, YarnShape};
 use plywave::io::{Folder, MemoryAssets};
@@ -42,7 +42,7 @@ fn fabrics_that_ship_load() {
         for family in YarnSet::EACH {
             let shape = loaded.fabric.shape(family);
             assert!(shape.spacing_um >= shape.width_um(), "{name}: {shape:?}");
-            // The model has offsets to R + d_cut: plies are those it was made for.
+            // The model has offsets to R + d_cut: plies are those of the model.
             let last = *loaded.model_of(family, 0).data().h_um.last().unwrap();
             assert!((shape.ply_radius_um + shape.d_cut_um - last).abs() < 1e-6, "{name}: {shape:?} {last}");
             assert!(matches!(loaded.fabric.color(family, -3), YarnColor::Srgb(_)), "{name}");
@@ -166,7 +166,7 @@ fn what_files_say_is_held_together() {
     assert_eq!(load_with(&dyed, Some(TWILL)).unwrap().color(YarnSet::Warp, 7), YarnColor::Sigma(0.5));
 }
 
-/// Plies of the model, of the fabric, and what is said.
+/// Plies of the model, of the fabric, and the notes.
 #[test]
 fn yarns_have_the_plies_of_their_models() {
     let folder = tempfile::tempdir().unwrap();
@@ -189,11 +189,11 @@ fn yarns_have_the_plies_of_their_models() {
         let (value, hint) = (format!("cloth.toml: warp.plies = {plies}: "), "is of a yarn of 3 plies; use plies = 3");
         assert!(message.contains(&value) && message.contains(hint), "{message}");
     }
-    // A model of one ply serves yarns of any number; nothing is left out of it.
+    // A model of one ply serves yarns of any number of plies, without a note.
     assert_eq!(said("three.pwm", 3), "");
     assert_eq!(said("one.pwm", 1), "");
     assert_eq!(said("one.pwm", 2), "");
-    // A flat ply lies on one of its sides, which a model of plies turned every way does not know.
+    // A flat ply lies on one of its sides, unlike a model of plies in all orientations.
     data.spec_text = plywave::spec::POLYESTER.replace("radius_um = 50.0", "radii_um = [50.0, 40.0]");
     data.save(folder.path().join("flat.pwm")).unwrap();
     let message = one_line(&load("flat.pwm", 1));
@@ -207,7 +207,7 @@ fn polyester() -> Vec<u8> {
     std::fs::read(shipped("polyester_satin").with_file_name("models/polyester.pwm")).unwrap()
 }
 
-/// What hosts without file system do: the same fabric from bytes, and from models that are loaded already.
+/// Hosts without a file system get the same fabric from bytes, and from already loaded models.
 #[test]
 fn fabrics_are_built_in_memory() {
     let text = woven("kind = \"wif\"\nfile = \"cloth.wif\"\n");
@@ -230,7 +230,7 @@ fn fabrics_are_built_in_memory() {
     }
 }
 
-/// Names lead nowhere but into the spec's folder, unless the host says so.
+/// Names refer to files in the spec's folder only, unless the host allows others.
 #[test]
 fn specs_read_their_own_folder_only() {
     let folder = tempfile::tempdir().unwrap();
@@ -315,7 +315,7 @@ fn wifs_are_read() {
     let [red, white, blue] = [[1.0, 0.0, 0.0], [1.0; 3], [0.0, 0.0, 1.0]];
     assert_eq!((wif.warp_srgb, wif.weft_srgb), (vec![red, red, white, white], vec![blue; 8]));
 
-    // A sinking shed lowers what is tied.
+    // A sinking shed lowers the tied shafts.
     let sinking = Wif::parse(TWILL.replace("Shed=true", "Shed=no").as_bytes(), "t.wif").unwrap();
     assert_eq!(drawn(&sinking.draft)[..4], ["..XX", "X..X", "XX..", ".XX."]);
     // A lift plan counts before treadles; several shafts to an end, several treadles to a pick.

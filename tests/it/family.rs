@@ -1,7 +1,7 @@
 //! Families of plies: whole models and single incidences agree, energies are exact, slopes match differences,
 //! files are refused in one line.
 //!
-//! The nodes are planted: the polyester that ships, its lobes and energies moved smoothly with the
+//! The nodes are planted: the shipped polyester, with lobes and energies that change smoothly with the
 //! parameters.
 
 use plywave::math::hash::SplitMix64;
@@ -89,7 +89,7 @@ fn random(rng: &mut SplitMix64) -> (FamilyParams, f32, f32, [f32; 3]) {
 fn files_come_back_bit_for_bit() {
     let bytes = planted().data().to_bytes().unwrap();
     let back = PlyFamily::from_bytes(&bytes, "planted").unwrap();
-    // Errors are rounded when they are first written; what was loaded is written to the same bytes.
+    // Errors are rounded when they are first written; a loaded file is written to the same bytes.
     let again = back.data().to_bytes().unwrap();
     let third = PlyFamily::from_bytes(&again, "planted").unwrap().data().to_bytes().unwrap();
     assert!(again == third, "a loaded family is written to other bytes");
@@ -234,7 +234,8 @@ fn parameters_out_of_range() {
     }
 }
 
-/// The sampler of one incidence: its densities integrate, its samples carry weight times density = value.
+/// The sampler of one incidence: its densities integrate to 1, and its samples have weight times density =
+/// value.
 #[test]
 fn samples_have_the_density_that_is_told() {
     let f = planted();

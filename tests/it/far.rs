@@ -1,5 +1,5 @@
-//! The mean over a repeat that a query with a footprint has. Reference: the mean of f over many places of the
-//! fabric itself, at views that are no nodes.
+//! The mean over a repeat in a query with a footprint. Reference: the mean of f over many positions on the
+//! fabric, at views between nodes.
 
 use plywave::fabric::FabricOptions;
 use plywave::{Bsdf, BsdfSample, FabricModel, FabricQuery};
@@ -8,7 +8,7 @@ use std::time::Instant;
 
 const PLACES: usize = 10_946;
 
-/// Each is made once.
+/// Each fabric is prepared once.
 static TWILL: LazyLock<FabricModel> = LazyLock::new(|| fabric("cotton_twill", FabricOptions::RAYS));
 static ORGANZA: LazyLock<FabricModel> = LazyLock::new(|| fabric("silk_organza", FabricOptions::RAYS));
 
@@ -30,7 +30,7 @@ fn far<const N: usize>(wo: [f32; 3], sigma: [f32; N]) -> FabricQuery<'static, N>
     FabricQuery { footprint_um: 1e6, sigma_per_um: [Some(sigma); 2], ..FabricQuery::new([0.0; 2], wo, [0.55; N]) }
 }
 
-/// Place k of the repeat, or of many where plies turn.
+/// Position k in the repeat, or in many repeats if plies turn.
 fn place(fabric: &FabricModel, k: usize) -> [f32; 2] {
     let even = |step: f64| (0.5 + k as f64 * step).fract();
     let turn = even(0.549_700_477_901_970_3);
@@ -71,7 +71,7 @@ fn the_mean_is_that_of_many_places() {
                     FabricQuery { sigma_per_um: [Some(SIGMA); 2], ..FabricQuery::new(place(fabric, k), wo, [0.55; 3]) };
                 let at = fabric.at(&query);
                 straight += f64::from(at.straight()[0]) / PLACES as f64;
-                // Every light at every fifteenth place.
+                // Every light at every fifteenth position.
                 for i in (k % 15..lights.len()).step_by(15) {
                     let f = at.eval(lights[i]);
                     (0..3).for_each(|s| mean[i][s] += 15.0 * f64::from(f[s]) / PLACES as f64);
@@ -103,8 +103,8 @@ fn the_mean_is_that_of_many_places() {
     assert!(worst[0] < 0.016 && worst[1] < 0.02 && worst[2] < 0.1, "{worst:?}");
 }
 
-/// Weight times density is f, the density integrates to the chance of a direction, and samples' mean is the
-/// integral of f; with diffracted light, and within the blend.
+/// Weight times density is f, the density integrates to the probability of a direction, and the samples' mean
+/// is the integral of f; with diffracted light, and within the blend.
 #[test]
 #[ignore = "slow: 10 s: the mean is sampled as it is evaluated"]
 fn the_mean_is_sampled_as_it_is_evaluated() {
@@ -179,7 +179,7 @@ fn far_pixels_are_quieter() {
     }
 }
 
-/// Footprints below half a repeat, those of fabrics without the mean and not a number are points.
+/// Footprints below half a repeat, those of fabrics without the mean and NaN are points.
 #[test]
 #[ignore = "slow: 10 s: small footprints are points"]
 fn small_footprints_are_points() {

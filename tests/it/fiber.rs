@@ -1,7 +1,7 @@
 //! The tabulated fiber. Chain of trust: M_0 is tested against the printed formula and its integrals in its
-//! own file; the interpolation is held to a twin in f64 written from `docs/reference/format/models.md`;
-//! furnace, sampling and chi-square use the checks that serve the ply model too; files are refused by one
-//! line.
+//! own file; the interpolation is compared with an f64 reference written from
+//! `docs/reference/format/models.md`; furnace, sampling and chi-square use the same checks as the ply model;
+//! invalid files are refused in one line.
 
 use plywave::check::{FURNACE_TOLERANCE, SAMPLED_TOLERANCE_SE, WEIGHT_TOLERANCE, check_bsdf};
 use plywave::fiber::{FiberSource, FiberTable, OutlineSymmetry, TabulatedFiber};
@@ -13,7 +13,7 @@ use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
-/// A made-up table: random azimuthal functions with a forward peak, widths and absorption that vary.
+/// A synthetic table: random azimuthal functions with a forward peak, and varying widths and absorption.
 fn table(seed: u64, symmetry: OutlineSymmetry, [l, t, p, d]: [usize; 4], absorbing: bool) -> FiberTable {
     let mut rng = Pcg64Mcg::seed_from_u64(seed);
     let slices = l * t * p;
@@ -26,7 +26,7 @@ fn table(seed: u64, symmetry: OutlineSymmetry, [l, t, p, d]: [usize; 4], absorbi
         let values: Vec<f64> = (0..d)
             .map(|j| {
                 let forward = peak * (-0.5 * ((TAU * j as f64 / d as f64 - PI) / 0.1).powi(2)).exp();
-                // Stretches without any light are part of the test.
+                // Intervals without any light are part of the test.
                 let dark = j % 40 > 30;
                 if dark { 0.0 } else { rng.random::<f64>() + forward }
             })
@@ -72,14 +72,14 @@ fn anywhere(rng: &mut Pcg64Mcg) -> [f32; 3] {
     direction((2.0 * rng.random::<f32>() - 1.0).asin(), std::f32::consts::TAU * rng.random::<f32>())
 }
 
-/// Place and weight on an axis, from the format's words.
+/// Nodes and weights on an axis, from the format's text.
 fn nodes(at: f64, count: usize) -> [(usize, f64); 2] {
     let at = at.clamp(0.0, (count - 1) as f64);
     let first = at.floor() as usize;
     [(first, 1.0 - (at - first as f64)), ((first + 1).min(count - 1), at - first as f64)]
 }
 
-/// (width, albedo, f / M_0) by hand, in f64.
+/// Brute-force reference in f64: (width, albedo, f / M_0).
 fn twin(t: &FiberTable, lambda: f64, theta: f64, phi_i: f64, phi_o: f64) -> (f64, f64, f64) {
     let (nl, nt, np, d) = (t.lambda_um.len(), t.theta_i.len(), t.phi_i.len(), t.phi_r_count());
     let step = if nl > 1 { t.lambda_um[1] - t.lambda_um[0] } else { 1.0 };
@@ -350,7 +350,7 @@ fn good_bytes() -> &'static [u8] {
 }
 
 proptest! {
-    /// Whatever a file is made into, loading gives a table that can be evaluated, or one line.
+    /// Any changed file loads to a table that can be evaluated, or fails with one line.
     #[test]
     fn damaged_files_never_panic(at in 0usize..4000, value: u8, cut in 0usize..5000) {
         let mut bytes = good_bytes().to_vec();

@@ -1,6 +1,6 @@
-//! WIFs from the field, which depart from the format: read by value, crossing by crossing, with a note for
-//! each kind of assumption. The files of a case are in `tests/data/field/`, siblings are made from them. The
-//! values are those of the format's text (WIF 1.1, 1997) by hand.
+//! WIFs from the field that deviate from the format: read by value, crossing by crossing, with a note for
+//! each kind of assumption. The files of a case are in `tests/data/field/`; the tests derive variants from
+//! them. The expected values are from the format's text (WIF 1.1, 1997) by hand.
 
 use plywave::fabric::{Draft, FabricSpec, LoadedFabric, Wif, WifNoteKind as Kind, YarnColor, YarnSet};
 use plywave::io::MemoryAssets;
@@ -93,14 +93,14 @@ fn contents_are_a_hint() {
     let wif = parse(draft_of("wif_contents_lies"));
     assert_eq!(drawn(&wif.draft), TWILL);
     assert_eq!(only(&wif, Kind::Contents), "[CONTENTS] announces LIFTPLAN, which the file lacks");
-    // Sections that are there and not announced are read, and nothing is said; nor where there are no
+    // Sections that are present but not announced are read without a note, also if there is no list of
     // contents.
     for text in [twill().replace("TIEUP=true", "TIEUP=false"), with("wif_contents_lies", "[CONTENTS]", "[PRIVATE A B]")]
     {
         let wif = parse(text);
         assert_eq!((drawn(&wif.draft), kinds(&wif)), (TWILL.map(String::from).to_vec(), vec![]));
     }
-    // A section that is there and empty is absent; so is one of zeros.
+    // A section that is empty or has only zeros counts as absent.
     for plan in ["[LIFTPLAN]\n", "[LIFTPLAN]\n1=0\n2=\n"] {
         let wif = parse(text_of("wif_contents_lies") + plan);
         assert_eq!((drawn(&wif.draft), kinds(&wif)), (TWILL.map(String::from).to_vec(), vec![]));
@@ -128,7 +128,7 @@ fn a_lift_plan_is_compared_with_the_tie_up() {
     // One crossing of 4 x 4.
     let one = parse(equal.replace("1=1,2\n2=2,3\n3=3,4\n4=4,1", "1=1,2\n2=2,3\n3=3,4\n4=4,1,2"));
     assert!(only(&one, Kind::LiftPlan).contains("at 6.3 % of the crossings"), "{:?}", one.notes);
-    // Half a tie-up is none.
+    // Half a tie-up counts as none.
     for section in ["[TIEUP]", "[TREADLING]"] {
         assert_eq!(kinds(&parse(with(case, section, "[T]"))), [Kind::Contents]);
     }
@@ -142,7 +142,7 @@ fn shafts_and_treadles_beyond_the_loom_count() {
     let note = only(&wif, Kind::Loom);
     assert_eq!(note, "[WEAVING] Shafts = 4, but number 18 is used: the loom is taken to have 18");
     assert!(only(&parse(with(case, "Shafts=4\n", "")), Kind::Loom).starts_with("no Shafts in [WEAVING]: 18"));
-    // Lift plans have no treadles, and say so with 0.
+    // Lift plans have no treadles, given as 0.
     assert_eq!(kinds(&parse(with(case, "Treadles=4\nShafts=4", "Treadles=0\nShafts=18"))), []);
     assert!(refused(&with(case, "3=18\n", "3=4097\n")).contains("[THREADING] 3 = 4097: use numbers from 1 to 4096"));
     // A treadle 6 of a loom of 4, tied or not.
@@ -171,7 +171,7 @@ fn spare_lines_are_left_out() {
     assert_eq!(drawn(&wif.draft), TWILL);
     assert_eq!(only(&wif, Kind::SpareLines), "lines 5 and 6 of [WARP COLORS] left out: there are 4 threads");
     assert_eq!((wif.warp_srgb, wif.weft_srgb), (vec![RED, BLUE, RED, BLUE], vec![BLUE; 4]));
-    // Of several sections, in one note.
+    // Several sections, in one note.
     let more = with(case, "4=4\n\n[TIEUP]", "4=4\n5=1\n\n[TIEUP]")
         .replace("4=4\n\n[WARP COLORS]", "4=4\n7=1\n9=1\n\n[WARP COLORS]");
     let note = only(&parse(&more), Kind::SpareLines).to_string();
@@ -190,7 +190,7 @@ fn colors_that_are_missing_are_taken_from_the_family() {
     let wif = parse(draft_of(case));
     assert_eq!((kinds(&wif), drawn(&wif.draft)), (vec![], TWILL.map(String::from).to_vec()));
     assert_eq!((wif.warp_srgb, wif.weft_srgb), (vec![RED, RED, RED, BLUE], vec![BLUE; 4]));
-    // Ends without a color take that of the family; where it has none the first of the table.
+    // Ends without a color take that of the family, or else the first of the table.
     let sparse = with(case, "1=1\n2=1\n3=1\n4=2\n\n[COLOR P", "2=2\n3=0\n4=\n\n[COLOR P");
     let wif = parse(&sparse);
     assert_eq!(wif.warp_srgb, [RED, BLUE, RED, RED]);
@@ -264,11 +264,11 @@ fn yarns_that_nothing_binds_are_left_out() {
     // More ends are declared than threaded, as looms have heddles.
     let wide = parse(with(case, "[WARP]\nThreads=4", "[WARP]\nThreads=400").replace("3=0", "3=3"));
     assert_eq!(drawn(&wide.draft), TWILL);
-    // Nothing is said of the colors of those that are left out.
+    // Colors of omitted yarns have no note.
     let text = with("wif_color_zero", "[WARP]\nThreads=4", "[WARP]\nThreads=5");
     assert_eq!(kinds(&parse(text)), [Kind::UnthreadedEnds]);
     assert_eq!(only(&wide, Kind::UnthreadedEnds), "ends 5 to 400 left out: on no shaft, bound by no pick");
-    // Picks of no treadle are unused just so.
+    // Picks without a treadle are unused in the same way.
     for line in ["3=0\n", "3=\n", ""] {
         let new = format!("[TREADLING]\n1=1\n2=2\n{line}4=4");
         let wif = parse(twill().replace("[TREADLING]\n1=1\n2=2\n3=3\n4=4", &new));
@@ -285,7 +285,7 @@ fn yarns_that_nothing_binds_are_left_out() {
     assert_eq!(only(&wif, Kind::LooseYarns), "end 4 left out, loose below all picks");
     let wif = parse(plan.replace("1=1\n2=2\n3=18\n4=1", "1=1\n2=2\n3=18\n4=1,2,18"));
     assert_eq!(only(&wif, Kind::LooseYarns), "end 4 left out, loose above all picks");
-    // A yarn that is bound by none once another is left out: pick 3 passes above end 4 only.
+    // A yarn that is unbound once another is omitted: pick 3 passes above end 4 only.
     let wif = parse(plan.replace("4=1\n\n", "4=7\n\n").replace("3=1,18\n4=2", "3=1,2,18\n4=1"));
     assert_eq!(drawn(&wif.draft), ["XX.", ".XX", "X.."]);
     let note = only(&wif, Kind::LooseYarns);
@@ -294,7 +294,7 @@ fn yarns_that_nothing_binds_are_left_out() {
             && note.contains("pick 3 left out, loose below all ends"),
         "{note}"
     );
-    // Nothing is left.
+    // No yarn remains.
     let message = refused(&plan.replace("1=1,2\n2=2,18\n3=1,18\n4=2", "1=1,2,18\n2=1,2,18"));
     assert!(message.contains("[LIFTPLAN] 1 = a draft in which no yarn binds another"), "{message}");
     assert!(refused(&plan.replace("1=1\n2=2\n3=18\n4=1", "1=0")).contains("[THREADING] is empty"));
@@ -370,12 +370,12 @@ fn a_draft_that_falls_apart_is_told_of() {
     // Turned over, the other is on top.
     let over = parse(with(case, "Shed=true", "Shed=false"));
     assert!(over.notes[1].text.contains("on top ends 2 and 4 with picks 2 and 4"), "{:?}", over.notes);
-    // A yarn left out changes no number: those told are the file's.
+    // An omitted yarn changes no number: notes use the file's.
     let spare = with(case, "[THREADING]\n1=1\n2=2\n3=3\n4=4", "[THREADING]\n1=0\n2=1\n3=2\n4=3\n5=4")
         .replace("[WARP]\nThreads=4", "[WARP]\nThreads=5");
     let spare = parse(&spare);
     assert!(spare.notes[1].text.contains("on top ends 2 and 4 with picks 1 and 3"), "{:?}", spare.notes);
-    // The same of rows in a spec, and nothing of weaves that hang together.
+    // The same for rows in a spec, and no note for connected weaves.
     let spec = std::fs::read_to_string(path(case, "fabric.toml")).unwrap();
     let weave = |weave: &str| load(&spec.replace("kind = \"wif\"\nfile = \"draft.wif\"", weave), b"").unwrap().notes();
     let said = weave("kind = \"draft\"\nrows = [\"X.XX\", \"..X.\", \"XXX.\", \"X...\"]");
@@ -479,7 +479,7 @@ fn spacings_of_the_file_are_taken_where_the_spec_has_none() {
         near(of(&loaded)[1], 250.0);
         assert_eq!(loaded.notes(), [format!("draft.wif: warp.spacing_um = {um:.1} from {source}")], "{warp}");
     }
-    // Both; the spec's own come first, and then nothing is said.
+    // Both; the spec's values take precedence, without a note.
     let both = |own| spaced("Units=cm\nSpacing=0.04", "Units=Inches\nSpacing=0.02", "", own).unwrap();
     assert_eq!(of(&both([true, true])), [250.0, 250.0]);
     assert_eq!((both([true, true]).notes(), of(&both([true, false]))[0]), (vec![], 250.0));
@@ -525,7 +525,7 @@ proptest! {
     #![proptest_config(ProptestConfig { cases: 3000, failure_persistence: None, ..ProptestConfig::default() })]
 
     /// Bytes, numbers and lines of a file from the field changed at several places: read or refused in one
-    /// line, and what is read is a draft of bound yarns, with colors and notes that fit.
+    /// line; a read file gives a draft of bound yarns, with consistent colors and notes.
     #[test]
     fn damaged_files_are_read_or_refused(
         which in 0..CASES.len(),

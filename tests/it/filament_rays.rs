@@ -1,5 +1,5 @@
-//! The smooth dielectric fiber against the simulator's ray tables of a circle, all orders, clear and dyed:
-//! the same fiber by paths through a traced section.
+//! The smooth dielectric fiber agrees with the simulator's ray tables of a circle, all orders, clear and
+//! dyed: the same fiber by paths through a traced section.
 
 use plywave::fiber::{DielectricFiber, DielectricParameters, RoughDielectricFiber, RoughDielectricParameters};
 use plywave::frame::direction;

@@ -1,5 +1,4 @@
-//! Table and model files: what is written comes back; what is damaged, foreign or hostile is refused by one
-//! line.
+//! Table and model files: written files read back; damaged, foreign or hostile files are refused in one line.
 
 use crate::synthetic::{STANDARD, Sizes, model, table};
 use plywave::io::{FileKind, file_kind};
@@ -73,8 +72,8 @@ fn with_document(bytes: &[u8], change: impl Fn(&mut serde_json::Value)) -> Vec<u
     })
 }
 
-/// Refused as a model, a table and in telling them apart, always by one line with the name in it; returns the
-/// model's line.
+/// Checks that the bytes are refused as a model, as a table and by the detection of the kind, each in one
+/// line with the name; returns the model's line.
 fn refused(bytes: &[u8]) -> String {
     let error = PlyModel::from_bytes(bytes, "some.ply").map(|_| ()).unwrap_err().to_string();
     assert!(error.starts_with("some.ply: ") && error.lines().count() == 1 && error.len() < 600, "{error}");
@@ -128,7 +127,7 @@ fn foreign_and_hostile_files_are_refused() {
     assert!(error.contains("version 7"), "{error}");
 }
 
-/// What is wrong with a model after `spoil`.
+/// Error of a model after `spoil`.
 fn spoilt(spoil: impl Fn(&mut PlyData)) -> String {
     let mut data = model(2, STANDARD);
     spoil(&mut data);
@@ -209,7 +208,7 @@ fn io_errors_name_the_file_and_leave_nothing() {
     bad.energies.miss[0] = 2.0;
     let target = dir.path().join("bad.ply");
     assert!(bad.save(&target).is_err());
-    // A folder in the way: the write fails at the rename, and the temporary file goes.
+    // With a folder in the way, the write fails at the rename and removes the temporary file.
     std::fs::create_dir(&target).unwrap();
     assert!(model(1, STANDARD).save(&target).is_err());
     assert_eq!(std::fs::read_dir(dir.path()).unwrap().count(), 2);
@@ -278,7 +277,7 @@ fn exit_positions_and_plies_of_tables_are_checked() {
     let twin = Table { plies: 3, traced: true, ..without.clone() };
     assert_eq!(Table::from_bytes(&twin.to_bytes().unwrap(), "t").unwrap(), twin);
     says(&Table { traced: true, ..good.clone() }, "traced = true");
-    // Tables from before there were yarns are of one ply.
+    // Tables without yarns are of one ply.
     let old = with_document(&without.to_bytes().unwrap(), |d| {
         let document = d.as_object_mut().unwrap();
         document.remove("plies");

@@ -1,6 +1,6 @@
-//! Weave gaps. Chain of trust: the factor k is held to quadrature in `src/faddeeva.rs`; here f is held to its
-//! formula in f64, its energy to an integral of its own, and the sampler to f by the checks that every `Bsdf`
-//! passes.
+//! Weave gaps. Chain of trust: `src/math/faddeeva.rs` compares the factor k with quadrature. Here f is
+//! compared with its formula in f64, its energy with a separate integral, and the sampler with f by the
+//! checks of every `Bsdf`.
 
 use plywave::bsdf::Outcomes;
 use plywave::check::check_bsdf;
@@ -67,12 +67,12 @@ fn eval_is_the_formula() {
 }
 
 /// The integral of the f64 formula in the variables (xi_x, angle about x), whose area element is that of the
-/// sphere: no table, none of the code that is tested but K.
+/// sphere: without tables, and with K as the only code under test.
 fn furnace(x: [f64; 2], y: [f64; 2], xi_i: [f64; 3], lambda: f64) -> f64 {
     let (w0, mut sum) = (BEAM.w0_um, 0.0);
     let square = |k: [f64; 2]| k[0] * k[0] + k[1] * k[1];
     let power = power_between(x[0], x[1], w0) * power_between(y[0], y[1], w0);
-    // Half a fringe of the widest aperture a step, in the finer middle a tenth of a beam's divergence.
+    // Steps of half a fringe of the widest aperture, in the finer middle of a tenth of a beam's divergence.
     let nodes = |center: f64, low: f64, high: f64| -> Vec<(f64, f64)> {
         let mut at = vec![low];
         while *at.last().unwrap() < high {
@@ -124,7 +124,7 @@ fn furnace_of_apertures_and_tilts() {
     }
 }
 
-/// Energy, density, weights and samples belong together: open, narrow, off-center and slit-like apertures,
+/// Energy, density, weights and samples are consistent: open, narrow, off-center and slit-like apertures,
 /// tilts to 1 rad.
 #[test]
 fn every_check_of_a_bsdf_passes() {
@@ -191,8 +191,8 @@ fn any_input_gives_finite_numbers() {
     }
 }
 
-/// What f does not integrate to 1 by is the light that the aperture's edges send where no direction is, less
-/// what Kirchhoff's cosines add elsewhere. To first order in the wavelength, of each axis alone
+/// The integral of f differs from 1 by the light that the aperture's edges send beyond all directions, minus
+/// the light that Kirchhoff's cosines add elsewhere. To first order in the wavelength, of each axis alone
 /// (docs/explain/papers.md), with q the mean intensity at its two edges over the power between them [1/um]:
 /// lambda/(2 pi^2) (q_x (1/c^2 + pi/(4 c)) + q_y (1 + pi/4)/c), c the cosine of a tilt towards x.
 #[test]

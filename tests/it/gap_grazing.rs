@@ -1,6 +1,6 @@
-//! Light that grazes an aperture. Truth: the light that arrives, 1, against the integral of `eval` over the
-//! sphere by a rule that shares nothing with the code under test; and Yu 2025, Eq. 15 in f64, where light
-//! does not graze.
+//! Light that grazes an aperture. References: the incident light, 1, compared with the integral of `eval`
+//! over the sphere by a rule that shares nothing with the code under test; and Yu 2025, Eq. 15 in f64, for
+//! light that does not graze.
 
 use plywave::Bsdf;
 use plywave::gap::{Aperture, Gap};
@@ -69,7 +69,7 @@ fn case((w0, x, y): (f64, [f32; 2], [f32; 2])) -> Gap {
     Gap::new(&Aperture::new(x, y).unwrap(), &beam)
 }
 
-/// As Kirchhoff's 1/c_i stands in print, an aperture of 2 um would send out 2.5 times what arrives at a
+/// With Kirchhoff's 1/c_i as printed, an aperture of 2 um would send out 2.5 times the incident light at a
 /// cosine of 0.02, and 46 times at 0.001.
 #[test]
 #[ignore = "slow: 10 s: no aperture sends out more than arrives"]
@@ -95,14 +95,14 @@ fn no_aperture_sends_out_more_than_arrives() {
         }
     }
     println!("least {least:.4}, most {most:.4}, apart from the albedo {apart:.1e}");
-    // Kirchhoff's approximation loses at grazing light what an aperture's spectrum has beyond the plane; the
-    // bound takes no more from it.
+    // At grazing light Kirchhoff's approximation loses the part of an aperture's spectrum beyond the plane;
+    // the bound removes no more.
     assert!(least > 0.55, "{least}");
-    // The albedo is that of 64 cells a sign and axis: 0.003 in wide apertures, 0.012 in slits of 2 um.
+    // The albedo is that of 64 cells per sign and axis: 0.003 in wide apertures, 0.012 in slits of 2 um.
     assert!(apart < 0.015, "{apart}");
 }
 
-/// Up to a tilt of 60 degrees f is the formula in print to the last digits of f32, in every direction.
+/// Up to a tilt of 60 degrees f is the printed formula to the last digits of f32, in every direction.
 #[test]
 fn moderate_tilts_are_left_as_they_are() {
     let square = |k: [f64; 2]| k[0] * k[0] + k[1] * k[1];

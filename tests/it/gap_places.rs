@@ -1,5 +1,5 @@
-//! Light through the gaps of a fabric from place to place: it changes little where the aperture does, keeps
-//! its energy, and goes through the narrowest of them by diffraction.
+//! Light through the gaps of a fabric at nearby positions: it changes little where the aperture does, keeps
+//! its energy, and passes the narrowest gaps by diffraction.
 
 use plywave::check::check_bsdf;
 use plywave::fabric::{FabricOptions, FabricSpec};
@@ -14,10 +14,10 @@ use std::sync::{Arc, OnceLock};
 
 const LAMBDA: [f32; 3] = [0.45, 0.55, 0.65];
 
-/// The light of a point alone: what other yarns catch of it is a mean over places.
+/// The light of a point alone: the part that other yarns stop is a mean over positions.
 const ALONE: FabricOptions = FabricOptions { layers: false, shadowing: false, ..FabricOptions::SMOOTH };
 
-/// A plain weave of the silk that ships, of plies 90 um wide, its yarns this far from each other.
+/// A plain weave of the shipped silk, of plies 90 um wide, with this spacing of its yarns.
 fn plain(spacing_um: f64) -> Arc<FabricModel> {
     // Two tests have the wide one.
     static WIDE: OnceLock<Arc<FabricModel>> = OnceLock::new();
@@ -35,8 +35,8 @@ fn load(spacing_um: f64) -> FabricModel {
     FabricModel::new(loaded, &ALONE).unwrap()
 }
 
-/// Across gaps wide and narrow, in steps of 0.02 and 0.1 um: no step of f is greater than those beside it let
-/// expect. Masses are of the nearest spectrum, 1e-3 from the next one's.
+/// Across gaps wide and narrow, in steps of 0.02 and 0.1 um: no step of f is much greater than its neighbors.
+/// Masses are of the nearest spectrum, 1e-3 from the next one's.
 fn light_changes_steadily(spacing: f64, step: f32) {
     let cloth = plain(spacing);
     let wo = [0.0f32, 0.0, 1.0];
@@ -56,8 +56,8 @@ fn light_changes_steadily(spacing: f64, step: f32) {
                 let [Some(a), Some(b), Some(c), Some(d)] = [w[0], w[1], w[2], w[3]] else { continue };
                 for k in 0..3 {
                     places += 1;
-                    // A jump between b and c, beyond what the steps on both sides have, and beyond what a rim
-                    // sends that catches too little to count.
+                    // A jump between b and c, beyond the steps on both sides, and beyond the light of a rim
+                    // that stops too little to count.
                     let slope = (b[k] - a[k]).abs().max((d[k] - c[k]).abs());
                     let jump = (c[k] - b[k]).abs() - 3.0 * slope - 2e-3;
                     worst = worst.max(jump / a[k].max(d[k]).max(1e-2));
@@ -82,7 +82,7 @@ fn light_of_wide_gaps_changes_steadily_with_the_place() {
     light_changes_steadily(200.0, 0.1);
 }
 
-/// Light that passes the narrowest gaps is diffracted, as that of any other: none goes straight on.
+/// Light through the narrowest gaps is diffracted, as through any other: none goes straight on.
 #[test]
 #[ignore = "slow: 10 s: narrow gaps diffract their light"]
 fn narrow_gaps_diffract_their_light() {
@@ -113,8 +113,8 @@ fn narrow_gaps_diffract_their_light() {
     assert!(gaps > 300, "{gaps} places in gaps");
 }
 
-/// Apertures of any edges are scattering functions: their light adds up to what passes, and samples have
-/// their density.
+/// Apertures of any edges are scattering functions: their light adds up to the passing light, and samples
+/// have their density.
 fn gaps_keep_their_energy(spacing: f64, sd_rad: f64) {
     let mut rng = Pcg64Mcg::seed_from_u64(2);
     let cloth = plain(spacing);

@@ -1,5 +1,5 @@
-//! Invariants of the house that ARCHITECTURE.md states: who depends on whom, where files are touched, where
-//! code is unsafe. They are read from the sources.
+//! Invariants of the code in ARCHITECTURE.md, checked in the sources: dependencies of crates, access to
+//! files, unsafe code.
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -58,7 +58,7 @@ fn crates_depend_on_those_below() {
     }
 }
 
-/// What a host links has no simulator, optimizer, thread pool or random numbers.
+/// The runtime that a host links has no simulator, optimizer, thread pool or random numbers.
 #[test]
 fn the_runtime_is_light() {
     let allowed = ["configparser", "multiversion", "safetensors", "serde", "serde_json", "thiserror", "toml"];
@@ -89,7 +89,7 @@ fn unsafe_code_is_where_architecture_says() {
     }
 }
 
-/// Production code does not lean on what it is compared with; `src/check` is what compares.
+/// Production code does not use its reference implementations; `src/check` compares with them.
 #[test]
 fn reference_implementations_are_for_tests() {
     for folder in ["src", "fit/src", "sim/src", "render/src", "pipeline/src", "cli/src"] {

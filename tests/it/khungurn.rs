@@ -1,4 +1,4 @@
-//! Khungurn's fiber model (2015) against its formulas written out in f64, closed forms, and the checks of
+//! Khungurn's fiber model (2015) compared with its formulas in f64 and with closed forms, and the checks of
 //! every model.
 
 use plywave::check::{FURNACE_TOLERANCE, SAMPLED_TOLERANCE_SE, WEIGHT_TOLERANCE, check_bsdf};

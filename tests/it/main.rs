@@ -1,4 +1,4 @@
-//! Tests of the runtime and across crates. One program, so that they share what is loaded.
+//! Tests of the runtime and across crates. One program, so that they share loaded data.
 
 mod cloth;
 mod cones;

@@ -1,6 +1,6 @@
 //! Yarns of metal in a fabric have their own color, by wavelength and in RGB; the models here are polyester's
-//! lobes under the spec of gold: colors depend on the spec and on how the cloth's brightness falls with
-//! absorption alone.
+//! lobes under the spec of gold: colors depend only on the spec and on the fall of the cloth's brightness
+//! with absorption.
 
 use plywave::fabric::{Channels, ColorOf, FabricOptions, FabricSpec, LoadedFabric, YarnColor, YarnSet};
 use plywave::spec::YarnSpec;
@@ -47,7 +47,7 @@ fn metals_have_their_own_color_where_nothing_else_is_said() {
         // Every third is polyester, clear, whatever the draft's repeat of two.
         assert!(if yarn.rem_euclid(3) == 2 { weft == [0.0; 4] } else { near(weft) }, "{yarn}: {weft:?}");
     }
-    // A color that is given takes precedence, and so does one absorption for all.
+    // A given color takes precedence, and so does one absorption for all.
     let dyed = self::cloth("sigma_per_um = 0.02", &FabricOptions::SMOOTH);
     assert_eq!(dyed.sigma(YarnSet::Warp, 0, LAMBDA), [0.02; 4]);
     assert!(near(dyed.sigma(YarnSet::Weft, 0, LAMBDA)));
@@ -58,8 +58,8 @@ fn metals_have_their_own_color_where_nothing_else_is_said() {
     assert_eq!(again.sigma(YarnSet::Weft, 0, LAMBDA), [0.01; 4]);
 }
 
-/// In RGB gold is yellow: what it keeps of red, green and blue is in the order of Fresnel's reflectances, and
-/// the white furnace of one absorption stays gray.
+/// In RGB gold is yellow: its red, green and blue are in the order of Fresnel's reflectances, and the white
+/// furnace of one absorption stays gray.
 #[test]
 fn gold_is_yellow_in_rgb() {
     let cloth = cloth("", &FabricOptions::SMOOTH);

@@ -1,6 +1,6 @@
 //! The runtime's evaluator. Chain of trust: `asg::Lobe` is tested against brute-force integrals in its own
-//! file; the reference implementation `plywave::ply::reference` uses it in f64 and is the truth for the fast
-//! kernels here; the furnace, sampling and symmetry tests then need no reference.
+//! file; the reference implementation `plywave::ply::reference` uses it in f64 and tests the fast kernels
+//! here; the furnace, sampling and symmetry tests then need no reference.
 
 use crate::synthetic::{STANDARD, Sizes, model};
 use plywave::check::{CheckOptions, check_incidence, check_model};

@@ -1,4 +1,4 @@
-//! Reference values of the models that ship: a reader that rounds otherwise finds them too.
+//! Reference values of the shipped models: a reader with other rounding reproduces them.
 
 use plywave::ply::LobeKind;
 use plywave::ply::reference::Mixture;
@@ -30,10 +30,10 @@ fn queries_lie_inside_cells() {
     }
 }
 
-/// Moved by 1e-5 of themselves, as other arithmetic would, queries have the same answers. Relative to the
-/// greatest value of the query, as a direction in which nothing is scattered has no relative accuracy; of
-/// cones relative to the greatest of all queries, as on the flank of a cone, which is some mrad wide near the
-/// axis, light changes by more of itself than the angle does.
+/// Queries changed by a relative 1e-5, as by other arithmetic, have the same values. Differences are relative
+/// to the greatest value of the query, as a direction without scattered light has no relative accuracy; for
+/// cones they are relative to the greatest value of all queries, as light on the flank of a cone, some mrad
+/// wide near the axis, changes relatively more than the angle.
 #[test]
 fn answers_do_not_hang_on_the_last_digits() {
     let mut worst = 0.0f32;
@@ -59,7 +59,7 @@ fn answers_do_not_hang_on_the_last_digits() {
     println!("greatest change {worst:.1e}");
 }
 
-/// The answers in f64, straight from docs/reference/format/models.md.
+/// Values in f64, directly from docs/reference/format/models.md.
 #[test]
 fn a_reader_in_double_precision_agrees() {
     let mut worst = 0.0f64;

@@ -1,7 +1,6 @@
-//! Regression of fitted lobes: today's fit of a stored small table, against the model that was fitted to it
-//! when it was stored.
+//! Regression test of fitted lobes: the current fit of a stored small table against its stored model.
 //!
-//! The files are remade, on purpose and with a line in CHANGELOG.md, by
+//! To renew the files, on purpose and with a line in CHANGELOG.md, run
 //! `plywave simulate tests/data/small.toml --preset preview -o tests/data/small.pwt` and
 //! `plywave fit tests/data/small.pwt -o tests/data/small.pwm`.
 
@@ -22,14 +21,14 @@ fn todays_fit_is_the_stored_one() {
     let today = fit(&table, &FitOptions::preview(), &|_| {}).unwrap();
     let report = diff(&stored, &today, &DiffTolerance::default()).unwrap();
     assert!(report.equal, "worst slice {}, energy {}: {:?}", report.worst, report.energy, report.drift_high);
-    // And a model that is not the same is told apart.
+    // And a different model is detected.
     let mut moved = today.clone();
     moved.high.iter_mut().step_by(6).for_each(|theta_z| *theta_z += 0.1);
     assert!(!diff(&stored, &moved, &DiffTolerance::default()).unwrap().equal);
 }
 
-/// Today's simulation of the same spec, with other paths and instances, is fitted as well by the stored model
-/// as its own table was: the simulator has not drifted.
+/// The stored model fits a current simulation of the same spec, with other paths and instances, as well as
+/// its own table: the simulator has not drifted.
 #[test]
 #[ignore = "slow: 15 s: todays simulation is the stored one"]
 fn todays_simulation_is_the_stored_one() {

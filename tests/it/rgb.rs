@@ -1,6 +1,6 @@
-//! Hosts that render in RGB get the color they asked for: the RGB mode of a fabric against the spectral
-//! answer, for the colors of the ColorChecker chart, on fabrics that ship. CIEDE2000 is written here from the
-//! paper (Sharma, Wu, Dalal 2005) and held to its published pairs.
+//! Hosts that render in RGB get the requested color: the RGB mode of a fabric compared with the spectral
+//! result, for the colors of the ColorChecker chart, on shipped fabrics. CIEDE2000 is implemented here from
+//! the paper (Sharma, Wu, Dalal 2005) and compared with its published pairs.
 
 use plywave::color::{
     SigmaSpectrum, SmoothReflectance, lab_of_xyz, linear_srgb_of_xyz, spectrum_lambda_um, xyz_of_linear_rec2020,
@@ -87,7 +87,7 @@ fn ciede2000_has_the_published_values() {
     }
 }
 
-/// A fabric that ships.
+/// A shipped fabric.
 fn fabric(name: &str) -> FabricModel {
     let path = format!("{}/fabrics/{name}.toml", env!("CARGO_MANIFEST_DIR"));
     FabricModel::load(path, &FabricOptions::default()).unwrap()
@@ -98,14 +98,14 @@ fn dyed(fabric: &FabricModel, srgb: [f64; 3]) -> FabricModel {
     fabric.with_colors([YarnColor::Srgb(srgb.map(|c| c as f32)); 2], ColorOf::EvenSky)
 }
 
-/// Color [linear sRGB or XYZ of a reflectance] of the mean over points, viewers and lights: under a sky all
-/// round, and lit from the front.
+/// Color [linear sRGB or XYZ of a reflectance] of the mean over points, viewers and lights: under an even
+/// sky, and lit from the front.
 struct Colors {
     sky: [f64; 3],
     front: [f64; 3],
 }
 
-/// Points of the fabric with a viewer and a light on his side.
+/// Points of the fabric with a viewer and a light on the viewer's side.
 fn places(fabric: &FabricModel) -> Vec<([f32; 2], [f32; 3], [f32; 3])> {
     let mut rng = Pcg64Mcg::seed_from_u64(4);
     let [width, height] = fabric.fabric().repeat_um().map(|r| r as f32);
@@ -118,7 +118,7 @@ fn places(fabric: &FabricModel) -> Vec<([f32; 2], [f32; 3], [f32; 3])> {
 }
 
 fn spectral(fabric: &FabricModel) -> Colors {
-    // Nine wavelengths a query.
+    // Nine wavelengths per query.
     let places = places(fabric);
     let (mut sky, mut front) = (vec![0.0; 81], vec![0.0; 81]);
     for first in (0..81).step_by(9) {
@@ -152,8 +152,8 @@ fn rgb(fabric: &FabricModel, channels: Channels) -> Colors {
     Colors { sky: xyz(sky), front: xyz(front) }
 }
 
-/// In BT.2020 every color is held to CIEDE2000 2; in linear sRGB those colors of yarns that have no channel
-/// below what the fibers' surfaces reflect.
+/// The limit of CIEDE2000 is 2 for every color in BT.2020, and in linear sRGB for colors of yarns with no
+/// channel below the reflection of the fibers' surfaces.
 #[test]
 #[ignore = "slow: 15 s: rgb hosts get the color they ask for"]
 fn rgb_hosts_get_the_color_they_ask_for() {

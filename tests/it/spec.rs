@@ -1,5 +1,5 @@
-//! The yarn spec: good ones load, bad ones are refused in one line that names the key and the hint, none
-//! panics.
+//! The yarn spec: valid ones load, invalid ones are refused in one line that names the key and the hint, and
+//! none panics.
 
 use plywave::Error;
 use plywave::io::MemoryAssets;
@@ -232,7 +232,7 @@ fn polygon_points_are_read_once_and_embedded() {
         std::fs::write(folder.path().join("square.txt"), points).unwrap();
         let message = YarnSpec::load(&path).unwrap_err().to_string();
         assert!(message.contains("square.txt: ") && message.contains(expected), "{message}");
-        // A spec may name any file: what is in it stays in it.
+        // A spec may name any file; messages do not show its content.
         assert!(!message.contains("secret") && !message.contains("inf"), "{message}");
     }
     std::fs::write(&path, with_shape(&shape.replace("square.txt", "../square.txt"))).unwrap();

@@ -1,4 +1,5 @@
-//! docs/reference/spec.md against the rules of the specs: the same keys, ranges and defaults on both sides.
+//! docs/reference/spec.md agrees with the rules of the specs: the same keys, ranges and defaults on both
+//! sides.
 
 use plywave::fabric::{FABRIC_RULES, FabricSpec};
 use plywave::spec::YARN_RULES;
@@ -6,10 +7,10 @@ use plywave::spec::rules::{Key, Kind, Need, Rules};
 use plywave::spec::{POLYESTER, YarnSpec};
 use std::collections::BTreeMap;
 
-/// Section and name of a key, to its range and default.
+/// Map from section and name of a key to its range and default.
 type Keys = BTreeMap<(String, String), (String, String)>;
 
-/// All keys of the rules: section, name, what is accepted, whether it must be given.
+/// Collects all keys of the rules: section, name, accepted values, whether the key is required.
 fn keys_of(section: &str, path: &str, keys: &[Key], all: &mut Vec<(String, String, String, Need)>) {
     for key in keys {
         let dotted = if path.is_empty() { key.name.to_string() } else { format!("{path}.{}", key.name) };
@@ -89,7 +90,7 @@ fn the_page_and_the_rules_have_the_same_keys() {
         assert_eq!(range, expected, "{at:?}");
         match need {
             Need::Required => assert_eq!(default, "required", "{at:?}"),
-            // A default that is TOML stands on the page as it is; one in words is in the page's own.
+            // A default in TOML is the same on the page; one in words may be worded differently.
             Need::Default(toml) if is_toml(toml) => assert_eq!(default, format!("`{toml}`"), "{at:?}"),
             Need::Default(_) => assert_ne!(default, "required", "{at:?}"),
         }
@@ -126,7 +127,7 @@ fn defaults_are_those_of_the_program() {
     let fabric = format!("name = \"f\"\n[weave]\nkind = \"plain\"\n[warp]\n{family}[weft]\n{family}");
     let fabric = toml::Table::try_from(FabricSpec::parse(&fabric, "bare").unwrap()).unwrap();
     let count = compare(&yarn, &YARN_RULES) + compare(&fabric, &FABRIC_RULES);
-    // Those that are values: what an absent crimp means is told in words, of warp and weft.
+    // Only defaults that are values: the default crimps of warp and weft are in words.
     assert_eq!(count, 14, "defaults compared");
 }
 

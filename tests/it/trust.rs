@@ -1,5 +1,5 @@
-//! What loading promises: every model that loads gives finite, non-negative light, and no more than there is;
-//! directions that are none give none.
+//! Guarantees of loading: every model that loads gives finite, non-negative light, and no more than the
+//! incident light; invalid directions give none.
 
 use crate::synthetic::{Sizes, model};
 use plywave::fabric::FabricOptions;
@@ -20,8 +20,8 @@ fn files(folder: &str, extension: &str) -> Vec<PathBuf> {
     entries.filter(|p| p.extension().is_some_and(|e| e == extension)).collect()
 }
 
-/// A model whose energy goes forward at the share `share`, and whose diffuse light is sent back and passes at
-/// these.
+/// A model with the forward share `share` of its energy, and these reflectance and transmittance of diffuse
+/// light.
 fn layered(share: f64, back: f64, through: f64) -> PlyData {
     let mut data = model(3, SMALL);
     let (m, h, j) = (data.theta_i.len(), data.h_um.len(), data.path_um.len());
@@ -50,7 +50,7 @@ fn models_that_ship_load() {
     }
 }
 
-/// A file without nodes that has layer tensors: sizes are asked for before `2 M - 1` is computed of them.
+/// A file without nodes that has layer tensors: sizes are checked before `2 M - 1` is computed from them.
 #[test]
 fn no_nodes_are_refused_before_any_arithmetic() {
     let good = model(1, SMALL).to_bytes().unwrap();
@@ -115,11 +115,11 @@ fn layer_factors_are_held_to_the_energies() {
     says(dense, "theta_i[1]");
 }
 
-/// f, density and albedo of two layers over any that load, and over any a host makes up.
+/// f, density and albedo of two layers are valid over any that load, and over any layer of a host.
 #[test]
 fn two_layers_of_any_model_give_no_negative_light() {
     let mut rng = Pcg64Mcg::seed_from_u64(4);
-    // The last is allowed by the tolerance: a little more goes forward than there is.
+    // The tolerance allows the last: slightly more light goes forward than the total.
     let mut beyond = layered(1.0, 0.45, 0.6);
     beyond.layers.as_mut().unwrap().forward.iter_mut().for_each(|f| *f = (*f + 0.012).min(1.0));
     let mut doubles = 0;
@@ -171,7 +171,7 @@ fn round_fiber() -> FiberTable {
     }
 }
 
-/// Vectors that are no directions, from the just too long to those whose squares overflow.
+/// Vectors that are not directions, from slightly too long to those whose squares overflow.
 const NONE: [[f32; 3]; 9] = [
     [1e30, 0.0, -1e30],
     [1.9e19, 0.5, -0.5],
@@ -221,7 +221,7 @@ fn what_is_no_direction_gives_no_light() {
     }
 }
 
-/// A width that is not a number counts as the least.
+/// A width of NaN counts as the least.
 #[test]
 fn longitudinal_widths_that_are_no_numbers_are_the_least() {
     let fiber = TabulatedFiber::from_table(round_fiber()).unwrap().with_beta_m(f32::NAN);

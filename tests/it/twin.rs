@@ -1,5 +1,5 @@
-//! Comparison of a cloth model with a twin, and the twin's file. The twin here is drawn from the model
-//! itself: it must find no distance.
+//! Comparison of a cloth model with a twin, and the twin's file. Here the twin is sampled from the model
+//! itself, so the distance must be zero.
 
 use plywave::fabric::{FabricOptions, FabricSpec, GapLight};
 use plywave::io::MemoryAssets;
@@ -25,7 +25,7 @@ fn load() -> FabricModel {
     FabricModel::new(loaded, &options).unwrap()
 }
 
-/// Light of two absorptions drawn by the model's sampler, summed as paths of a twin are.
+/// A twin of light of two absorptions from the model's sampler, summed as a twin's paths are.
 fn drawn(fabric: &FabricModel, views: &[[f64; 3]], paths: usize) -> ClothTwin {
     let bins = SphereBins::STANDARD;
     let n = bins.len();
@@ -106,7 +106,7 @@ fn a_model_is_at_no_distance_from_itself() {
         assert!((c.model.straight - c.twin.straight).abs() < 0.006, "{c:?}");
         assert!(c.upper < 0.05 && c.lower < 0.08, "{c:?}");
     }
-    // Without a tenth of its light the model is a tenth off, and no noise hides it.
+    // Without a tenth of its light the model's error is a tenth, which noise does not hide.
     let mut brighter = twin.clone();
     brighter.density.iter_mut().for_each(|d| *d /= 0.9);
     brighter.variance.iter_mut().for_each(|v| *v /= 0.81);

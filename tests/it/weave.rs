@@ -1,5 +1,5 @@
-//! Places in woven fabrics: frames, coverage, repeats, both sides, any numbers. The ray and ply intersection
-//! has its own slow twin in `src/fabric/yarn.rs`.
+//! Queries in woven fabrics: frames, coverage, repeats, both sides, any numbers. The ray and ply intersection
+//! has its brute-force reference in `src/fabric/yarn.rs`.
 
 use plywave::fabric::{Draft, Fabric, Gap, Hit, PlyHit, YarnSet, YarnShape};
 use plywave::spec::Handedness;
@@ -152,7 +152,7 @@ fn first_is_highest(fabric: &Fabric) {
     assert!(f64::from(other) < 0.01 * f64::from(n), "{other} of {n} points have another yarn first");
 }
 
-/// The truth: areas of strips.
+/// The reference is the area of strips.
 #[test]
 #[ignore = "slow: 10 s: coverage is the area of the yarns"]
 fn coverage_is_the_area_of_the_yarns() {
@@ -168,8 +168,8 @@ fn coverage_is_the_area_of_the_yarns() {
         let [a, b] = [100.0 / warp, 100.0 / weft];
         let above = draft.warp_share();
         let want = [a * (1.0 - b) + a * b * above, b * (1.0 - a) + a * b * (1.0 - above), (1.0 - a) * (1.0 - b), a * b];
-        // Beside a crossing a yarn that rises may lie above the one that is on top at it: which family is
-        // first, `first_is_highest` tells.
+        // Beside a crossing a yarn that rises may lie above the one that is on top at it: `first_is_highest`
+        // tests which family is first.
         let near = |got: [f64; 4], want: [f64; 4]| {
             (got[0] + got[1] - want[0] - want[1]).abs() < 3e-3 && (2..4).all(|k| (got[k] - want[k]).abs() < 3e-3)
         };
@@ -183,7 +183,7 @@ fn coverage_is_the_area_of_the_yarns() {
     }
 }
 
-/// A line that leans by phi across flat warp yarns meets them within R / cos phi of their axes.
+/// A line that leans by phi across flat warp yarns hits them within R / cos phi of their axes.
 #[test]
 #[ignore = "slow: 10 s: gaps close towards grazing light"]
 fn gaps_close_towards_grazing_light() {
@@ -236,7 +236,7 @@ fn a_repeat_further_all_is_the_same() {
                 let (other, there) = place_of(fabric, x + f64::from(i) * a, y + f64::from(j) * b, w);
                 assert!((0..4).all(|k| (aperture[k] - there[k]).abs() < 0.01), "{aperture:?} {there:?}");
                 let (Some(p), Some(q)) = (first, other) else {
-                    // Within a rounding of a ply's edge it may be met in one repeat and not in the next.
+                    // Within a rounding of a ply's edge a line may hit it in one repeat and not in the next.
                     let edge = first.or(other).map_or(50.0, |h| h.h_um.abs());
                     assert!(first.is_some() == other.is_some() || edge > 49.99, "{first:?} {other:?}");
                     continue;
@@ -258,9 +258,9 @@ fn a_repeat_further_all_is_the_same() {
     }
 }
 
-/// Along a yarn theta_i, h and height change by what the step gives, at borders of cells and repeats as
-/// anywhere. Yarns of several plies that bend more than these are met in two places by some lines, as
-/// straight pieces along their tangents, and jump by some um there.
+/// Along a yarn theta_i, h and height change in proportion to the step, also at borders of cells and repeats.
+/// Yarns of several plies that bend more than these are hit twice by some lines, as straight pieces along
+/// their tangents, and jump by some um there.
 #[test]
 fn nothing_jumps_along_a_yarn() {
     let w = [0.3f32, 0.35, (1.0f32 - 0.09 - 0.1225).sqrt()];
@@ -287,7 +287,7 @@ fn nothing_jumps_along_a_yarn() {
                     // the viewer.
                     let stretch = ((b.along_um - a.along_um).abs() / step as f32).max(1.0);
                     assert!(stretch < 12.0, "{stretch} at {along}: {a:?} {b:?}");
-                    // The steepest that these yarns get: a curvature of 12 50/100^2 per um, slopes of 1.5,
+                    // The steepest parts of these yarns: a curvature of 12 50/100^2 per um, slopes of 1.5,
                     // plies of pitch 800 um.
                     let most = [0.016, 1.0, 0.5].map(|m| m * stretch);
                     assert!((0..3).all(|k| moved[k] < most[k]), "{moved:?} at {along}: {a:?} {b:?}");
@@ -300,8 +300,8 @@ fn nothing_jumps_along_a_yarn() {
 }
 
 /// Plain weave of equal yarns, turned by a quarter, is the same with warp and weft exchanged. The turn takes
-/// +y to -x, so that theta_i and h of the weft, which runs along +x, change sign. (A reflection would not do:
-/// it makes S twist of Z.)
+/// +y to -x, so that theta_i and h of the weft, which runs along +x, change sign. (A reflection is not a
+/// symmetry: it turns S twist into Z.)
 #[test]
 #[ignore = "slow: 5 s: symmetric weaves have symmetric statistics"]
 fn symmetric_weaves_have_symmetric_statistics() {
@@ -421,7 +421,7 @@ proptest! {
 }
 
 /// The nearest ply of a yarn to a point, by its true axis: a helix about the bent center line, in its plane
-/// the image of the straight yarn. Ply, distance, tangent and the way to the point.
+/// the image of the straight yarn. Returns ply, distance, tangent and the vector to the point.
 fn nearest_ply(fabric: &Fabric, family: YarnSet, yarn: i32, p: [f64; 3]) -> (u32, f64, [f64; 3], [f64; 3]) {
     let shape = fabric.shape(family);
     let k = family as usize;
@@ -463,8 +463,8 @@ fn nearest_ply(fabric: &Fabric, family: YarnSet, yarn: i32, p: [f64; 3]) -> (u32
     best
 }
 
-/// The reference: a walk along the line in small steps to the first ply of any yarn; family, yarn, ply,
-/// theta_i, h.
+/// Brute-force reference: a walk along the line in small steps to the first ply of any yarn; family, yarn,
+/// ply, theta_i, h.
 fn walked(fabric: &Fabric, at: [f64; 2], w: [f64; 3]) -> Option<(YarnSet, i32, u32, f64, f64)> {
     let dot = |a: [f64; 3], b: [f64; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
     let top =
@@ -490,9 +490,9 @@ fn walked(fabric: &Fabric, at: [f64; 2], w: [f64; 3]) -> Option<(YarnSet, i32, u
     None
 }
 
-/// Lines through denim meet the plies that a walk among true helices about bent axes meets, whatever their
-/// angle to the yarns. With yarns straightened where lines are nearest to them 2, 6 and 8 of 100 lines met
-/// another yarn, 2, 3 and 7 another ply.
+/// Lines through denim hit the same plies as a walk among true helices about bent axes, whatever their angle
+/// to the yarns. With yarns straightened where lines are nearest to them, 2, 6 and 8 of 100 lines hit another
+/// yarn, 2, 3 and 7 another ply.
 #[test]
 #[ignore = "slow: 15 s: plies of bent yarns are met where they are"]
 fn plies_of_bent_yarns_are_met_where_they_are() {

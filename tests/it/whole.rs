@@ -1,6 +1,6 @@
-//! The whole ply model. Chain of trust: the core's terms are held to their twin in `tests/it/model.rs`, the
-//! edge lobe here to `asg::Lobe`; the checks that every `Bsdf` passes then hold energy, density and samples
-//! together.
+//! The whole ply model. Chain of trust: `tests/it/model.rs` compares the core's terms with their reference;
+//! here the edge lobe is compared with `asg::Lobe`, and the checks of every `Bsdf` test the consistency of
+//! energy, density and samples.
 
 use crate::synthetic::{STANDARD, Sizes, model};
 use plywave::bsdf::Outcomes;
@@ -177,7 +177,7 @@ fn any_input_gives_finite_numbers() {
     }
 }
 
-/// A slit moves light and loses none, at any absorption; it takes from f_high alone.
+/// A slit moves light without loss, at any absorption; it removes light from f_high alone.
 #[test]
 fn slits_keep_the_energy() {
     let m = PlyModel::from_data(planted(11, STANDARD)).unwrap();

@@ -187,8 +187,7 @@ pub fn run(cli: &Cli, args: &CheckArgs) -> Outcome {
     let (columns, sigmas) = (data.h_um.len(), data.sigma_per_um.len());
     // Noise can hide every slice: then nothing is known, and nothing passes.
     let quality = FitQuality::of_errors(data, &error_refl, &error_high);
-    let meaning =
-        "largest relative L2 of a slice, noise removed; scaled down where less than 2 % of the beam hits fibers";
+    let meaning = "largest relative L2 of a slice, noise removed; scaled down where little of the beam hits fibers";
     lines.push(Line::at_most("fit_error_refl", meaning, quality.refl, args.max_error_refl));
     // An absorbing slice may have a large relative error of little light: errors count by the slice's light.
     let meaning = "the same, as a share of the slice's light at sigma = 0";

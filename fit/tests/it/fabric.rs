@@ -1,5 +1,5 @@
-//! A fabric as a scattering function, on models that ship: energy of clear fibers at random points and
-//! directions, eval against weight and pdf, chi-square, and no jump at the border of the draft's repeat.
+//! A fabric as a scattering function, on shipped models: energy of clear fibers at random points and
+//! directions, eval against weight and pdf, chi-square, and continuity at the border of the draft's repeat.
 
 use plywave::check::check_bsdf;
 use plywave::fabric::{
@@ -14,7 +14,7 @@ use rand_pcg::Pcg64Mcg;
 use std::f32::consts::TAU;
 use std::sync::{Arc, OnceLock};
 
-/// Polyester as it ships, with edge lobes and layer factors.
+/// The shipped polyester, with edge lobes and layer factors.
 fn model() -> Arc<PlyModel> {
     static MODEL: OnceLock<Arc<PlyModel>> = OnceLock::new();
     let made = || {
@@ -40,7 +40,7 @@ model = "polyester.pwm"
 spacing_um = 120.0
 "#;
 
-/// A fabric of this draft, spacing and number of plies, with clear fibers unless told otherwise.
+/// A fabric of this draft, spacing and number of plies, with clear fibers by default.
 fn fabric(draft: Draft, spacing_um: f64, plies: u32, options: &FabricOptions) -> FabricModel {
     let shape = YarnShape {
         plies,
@@ -128,7 +128,7 @@ fn every_case_of_the_beam_is_a_scattering_function() {
             continue;
         }
         checked[case] += 1;
-        // Panels of the integrals: by two thirds of the width the p-values are the same to 0.02.
+        // Panels of the integrals: with two thirds of the width the p-values are the same to 0.02.
         let r = check_bsdf(&at, [0.009, 0.018], 20_000, &mut || rng.random());
         least = least.min(r.chi2_p);
         furnace[case] = furnace[case].max(r.furnace_error);
@@ -136,7 +136,7 @@ fn every_case_of_the_beam_is_a_scattering_function() {
     }
     println!("gap, one layer, two: {checked:?}; least p-value {least:.4}, furnace within {furnace:.4?}");
     assert!(least > 0.01 / 18.0, "least p-value {least}");
-    // Of light that other yarns catch, a point's albedo has the mean over places.
+    // For light that other yarns stop, a point's albedo uses the mean over positions.
     assert!(furnace.iter().all(|f| *f < 0.13), "furnace {furnace:?}");
 }
 
@@ -150,7 +150,7 @@ fn repeats_have_no_seam() {
     let wo = direction(0.7, 2.0);
     for k in 0..200 {
         let y = 7.3 * k as f32;
-        // Single precision tells positions apart to 1e-4 um here.
+        // Single precision resolves positions to 1e-4 um here.
         let at = |x: f32| -> [f32; 4] { f.at(&FabricQuery::new([x, y], w, [0.4, 0.5, 0.6, 0.7])).eval(wo) };
         let (a, b) = (at(13.0), at(13.0 + width));
         assert!((a[0] - b[0]).abs() <= 2e-3 * (1.0 + a[0]), "y {y}: {a:?} {b:?}");

@@ -1,8 +1,8 @@
-//! Lobes of a family interpolate, those of fits apart do not.
+//! Lobes of a family interpolate, those of separate fits do not.
 //!
-//! Truth: planted lobes that turn from one end of a family to the other (tests/planted), with the noise of a
-//! known number of paths. In the middle between two ends the mean of the parameters is held to a table that
-//! no fit has seen.
+//! Reference: planted lobes that turn from one end of a family to the other (tests/planted), with the noise
+//! of a known number of paths. In the middle between two ends the mean of the parameters is compared with a
+//! held-out table.
 
 use crate::planted::Planted;
 use plywave::ply::asg::PARAMS;
@@ -11,11 +11,11 @@ use plywave::table::Table;
 use plywave_fit::{FamilyMiddle, FamilyTables, FitOptions, errors, fit, fit_family};
 use std::sync::{Arc, OnceLock};
 
-/// How far lobes turn over the family [rad times the factors of `crate::planted::turned`]: two widths of the
+/// Turn of the lobes over the family [rad times the factors of `crate::planted::turned`]: two widths of the
 /// narrowest.
 const TURN: f64 = 0.3;
 
-/// A table at a place from 0 to 1 of the family.
+/// A table at a position from 0 to 1 in the family.
 fn table(at: f64, seed: u64) -> Arc<Table> {
     let turn = TURN * at;
     let plan = Planted { turn, seed, sigma_per_um: vec![0.0, 0.003, 0.03], ..Planted::default() };
@@ -42,7 +42,7 @@ fn family(middles: Vec<FamilyMiddle>) -> Vec<PlyData> {
     fit_family(&tables, &FitOptions::preview(), &|_| {}).expect("planted tables").nodes
 }
 
-/// Without tables between the ends; fitted once.
+/// A family without tables between the ends, fitted once.
 fn followed() -> &'static [PlyData] {
     static FOLLOWED: OnceLock<Vec<PlyData>> = OnceLock::new();
     FOLLOWED.get_or_init(|| family(Vec::new()))
@@ -57,7 +57,7 @@ fn lobes_fitted_together_interpolate_and_those_fitted_apart_do_not() {
     let ends = [0.0, 1.0].map(|turn| fit(&table(turn, 1), &options, &|_| {}).unwrap());
     let high = |model: &PlyData| errors(model, &fresh).unwrap().rms_high[0];
     let refl = |model: &PlyData| errors(model, &fresh).unwrap().rms_refl;
-    // The path lengths of fits apart are their own; one of them is as good for sigma = 0.
+    // Separate fits have their own path lengths; either serves at sigma = 0.
     let apart = mean(&ends[0], &ends[1]);
     let followed = followed();
     let joint = family(vec![FamilyMiddle { corners: vec![(0, 0.5), (1, 0.5)], table: table(0.5, 1) }]);

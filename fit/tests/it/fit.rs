@@ -1,7 +1,7 @@
-//! Fits of planted tables: the density comes back, on the nodes and between them.
+//! Fits of planted tables recover the density, on the nodes and between them.
 //!
-//! Truth: lobes that drift smoothly over the incidences (tests/planted), with the noise of a known number of
-//! paths.
+//! Reference: lobes that drift smoothly over the incidences (tests/planted), with the noise of a known number
+//! of paths.
 
 use crate::planted::Planted;
 use plywave::PlyQuery;
@@ -34,7 +34,8 @@ fn rms(values: &[f64]) -> f64 {
     (finite.iter().map(|v| v * v).sum::<f64>() / finite.len() as f64).sqrt()
 }
 
-/// Relative L2 distance of the model's lobes from the truth scaled to the same energy: the shape alone.
+/// Relative L2 distance of the model's lobes from the reference scaled to the same energy, for the shape
+/// alone.
 fn shape_error(got: &ScaledLobes, want: &[Lobe]) -> f64 {
     let sphere = SphereGrid::new(OutgoingGrid { theta_o: 45, phi_o: 90 });
     let energy: f64 = want.iter().map(|l| l.energy).sum();
@@ -241,7 +242,7 @@ fn bad_tables_are_refused_by_name() {
     assert!(fit(&good, &none, &|_| {}).unwrap_err().to_string().contains("lobes_high"));
 }
 
-/// What saving would refuse after the fit is refused before any of its work.
+/// A model that cannot be saved is refused before the fit.
 #[test]
 fn what_cannot_be_saved_is_refused_before_the_work() {
     let plan = Planted { rows: 3, columns: 3, sigma_per_um: vec![0.0, 0.01], paths: 1e4, ..Planted::default() };
@@ -259,7 +260,7 @@ fn what_cannot_be_saved_is_refused_before_the_work() {
     refuse(&|t, _| t.theta_i = vec![0.0, 1.0, 2.0], &["theta_i[2]", "simulation"]);
     refuse(&|t, _| t.r_d[4] = 0.9, &["r_d + energy_refl + energy_high", "at most"]);
 
-    // Absorption so small that it would take paths of kilometers.
+    // Absorption so small that it would need paths of kilometers.
     let mut faint = good.clone();
     faint.sigma_per_um[1] = 1e-12;
     let model = fit(&faint, &FitOptions::preview(), &|_| {}).unwrap();

@@ -1,4 +1,4 @@
-//! Fits of Khungurn's model: planted parameters come back, from scattering, from a table, from the
+//! Fits of Khungurn's model recover planted parameters from scattering, from a table, and from the
 //! reflectance of a swatch; bad input is refused in one line.
 
 use plywave::fiber::dual_scattering::{DualOptions, DualScattering};
@@ -56,8 +56,8 @@ fn planted_scattering_comes_back() {
     }
 }
 
-/// A table whose azimuths are R and TT of Khungurn's, with d'Eon's latitudes: the parameters come back as far
-/// as two Gaussians stand for M_0.
+/// A table whose azimuths are R and TT of Khungurn's, with d'Eon's latitudes: the fit recovers the parameters
+/// as far as two Gaussians represent M_0.
 #[test]
 fn planted_table_comes_back() {
     let (cells, gamma, beta) = (360, 0.6f64, 0.15);
@@ -99,8 +99,8 @@ fn planted_table_comes_back() {
     }
 }
 
-/// Reflectances that the runtime's dual scattering gives at these parameters, by its tables of samples: what
-/// its integrals know, 1e-3, is what comes back.
+/// From reflectances of the runtime's dual scattering, by its tables of samples, the fit recovers the
+/// parameters to the accuracy of its integrals, 1e-3.
 #[test]
 fn planted_swatch_comes_back() {
     let want = planted();

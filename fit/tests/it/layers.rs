@@ -1,4 +1,4 @@
-//! Two layers of yarn, on the models that ship.
+//! Two layers of yarn, on the shipped models.
 
 use plywave::check::check_bsdf;
 use plywave::frame::direction;
@@ -13,7 +13,7 @@ use std::sync::{Arc, Mutex, OnceLock};
 
 const YARNS: [&str; 3] = ["polyester", "cotton", "silk"];
 
-/// A shipped model with factors made here, once.
+/// A shipped model with factors computed here, once.
 fn model(yarn: &'static str) -> Arc<PlyModel> {
     type Once = Arc<OnceLock<Arc<PlyModel>>>;
     static MADE: Mutex<BTreeMap<&str, Once>> = Mutex::new(BTreeMap::new());
@@ -52,7 +52,7 @@ fn clear_layers_lose_nothing() {
     }
 }
 
-/// The light followed from layer to layer, as the closed form sums it.
+/// Light followed from layer to layer matches the sum in closed form.
 #[test]
 fn the_series_is_that_of_light_between_the_layers() {
     let (upper, lower) = (model("silk"), model("polyester"));
@@ -100,8 +100,8 @@ fn factors_are_those_of_the_evaluator() {
     let mut between = 0.0f64;
     for (m, n) in [(0, 12), (2, 7), (5, 20), (9, 12)] {
         let sigma = [0.0, 0.01];
-        // A hair beyond the node: at the border of two blocks the factors are those of the larger index, and
-        // f32 must not fall back.
+        // Slightly beyond the node: at the border of two blocks the factors are those of the larger index,
+        // and f32 must not round down.
         let (t, x) = (theta[m] as f32 + 1e-6, h[n] as f32 + 1e-4);
         let got = model.forward_energy(t, x, sigma).unwrap();
         let want = brute_force(&model, t, x, sigma).0;
@@ -113,9 +113,9 @@ fn factors_are_those_of_the_evaluator() {
         between = (0..2).map(|k| (f64::from(got[k]) - want[k]).abs()).fold(between, f64::max);
     }
     println!("largest difference between nodes: {between:.4}");
-    // Between nodes energies are linear and lobes turn: what they send forward is not quite linear.
+    // Between nodes energies are linear and lobes turn: their forward light is not quite linear.
     assert!(between < 0.02, "between nodes: {between}");
-    // r* of diffuse light by the slow sum over h and theta.
+    // r* of diffuse light by a brute-force sum over h and theta.
     let (mut above, mut met) = (0.0, 0.0);
     let (columns, nodes) = (h.len(), model.data().node_energies());
     for (m, t) in theta.iter().enumerate() {
@@ -132,8 +132,8 @@ fn factors_are_those_of_the_evaluator() {
 }
 
 /// At the rim of a yarn's ply the lobes of a block's corners differ in energy many times, so that their shape
-/// changes near the weaker one: linear factors are off by 0.03 there, and those of the lobes by 0.007 where
-/// fibers thin out to a ragged rim.
+/// changes near the weaker one: the error of linear factors is 0.03 there, and that of the lobes' factors
+/// 0.007 where fibers thin out to a ragged rim.
 #[test]
 #[ignore = "slow: 5 s: factors follow lobes at the rim"]
 fn factors_follow_lobes_at_the_rim() {

@@ -1,9 +1,9 @@
 //! L-BFGS-B on problems of More, Garbow and Hillstrom in seven settings of bounds and start.
 //!
 //! Chain of trust: the residuals agree with the same in Python and the gradients with differences; the minima
-//! and the numbers of evaluations are held to SciPy's (`tests/data/scipy_lbfgsb.json`, written by the script
-//! beside it), and every iterate to the crate `basin` run by its own executor; argmin's executor, with and
-//! without a checkpoint, must then give the same bits.
+//! and the numbers of evaluations are compared with SciPy's (`tests/data/scipy_lbfgsb.json`, written by the
+//! script beside it), and every iterate with the crate `basin` in its own executor. argmin's executor, with
+//! and without a checkpoint, must then give the same bits.
 
 use std::cell::Cell;
 use std::rc::Rc;
@@ -109,8 +109,8 @@ fn residuals_agree_with_their_twins_and_gradients_with_differences() {
     }
 }
 
-/// SciPy takes the infinities that it meets here for convergence, at a cost of 214; the minimum is 124.362
-/// (problem 6 of More, Garbow, Hillstrom).
+/// Here SciPy treats infinities as convergence, at a cost of 214; the minimum is 124.362 (problem 6 of More,
+/// Garbow, Hillstrom).
 const LOST_BY_SCIPY: (&str, &str) = ("jennrich_sampson", "free");
 
 #[test]
@@ -194,7 +194,7 @@ fn iterates_are_those_of_basin() {
         let (watched, solution) = solve(run, &options);
         let name = format!("{} {}", run.problem, run.setting);
         if (run.problem.as_str(), run.setting.as_str()) == LOST_BY_SCIPY {
-            // basin alone stops where SciPy does, stepping back from the infinities goes on to the minimum.
+            // basin alone stops where SciPy does; stepping back from the infinities reaches the minimum.
             assert!(
                 peer.cost() > 200.0 && solution.cost < 125.0,
                 "{name}: got {}, peer {}",
@@ -211,7 +211,7 @@ fn iterates_are_those_of_basin() {
     assert_eq!(compared, runs.len() - 1);
 }
 
-/// Counts what argmin's executor tells its observers.
+/// Observer that counts the calls of argmin's executor.
 #[derive(Clone, Default)]
 struct Witness {
     starts: Rc<Cell<u64>>,
@@ -268,8 +268,8 @@ fn argmin_executor_gives_the_same_bits_and_tells_its_observers() {
     }
 }
 
-/// Extended Rosenbrock with cost and gradient apart, as argmin's users write it; fails once its evaluations
-/// are used up.
+/// Extended Rosenbrock with separate cost and gradient, as argmin's users write it; fails once its
+/// evaluations are used up.
 struct Separate {
     left: Cell<u64>,
 }
@@ -291,7 +291,7 @@ impl Gradient for Separate {
     }
 }
 
-/// The same program each time: resumes where the checkpoint in `folder` stands, if there is one.
+/// The same program each time: resumes from the checkpoint in `folder`, if there is one.
 fn program(
     evaluations: u64,
     folder: &str,
@@ -313,8 +313,7 @@ fn a_run_resumed_from_a_checkpoint_continues_bit_for_bit() {
     let whole = program(u64::MAX, undisturbed).unwrap();
     let iterations = whole.state.get_iter();
     assert!(iterations > 30, "{iterations} iterations leave nothing to resume");
-    // Breaks off at the start, then after 25 evaluations each: every program goes on from the last multiple
-    // of 7.
+    // Stops at the start, then after 25 evaluations each: every program resumes from the last multiple of 7.
     let mut broken = 0;
     let resumed = loop {
         match program(if broken == 0 { 0 } else { 25 }, disturbed) {
@@ -517,7 +516,7 @@ proptest::proptest! {
         let mut uniform = || rng.random_range(-1.0..1.0);
         let mut vector = |len: usize| -> Vec<f64> { (0..len).map(|_| uniform()).collect() };
         let (rows, b, x0) = (vector(n * n), vector(n), vector(n));
-        // A bound is open, active somewhere, or met by the other one.
+        // A bound is open, active somewhere, or equal to the other one.
         let (mut lower, mut upper) = (vec![-NONE; n], vec![NONE; n]);
         for (i, kind) in vector(n).into_iter().enumerate() {
             if kind > -0.5 {

@@ -1,4 +1,4 @@
-//! Tests of the fits. One program, so that they share what is loaded.
+//! Tests of the fits. One program, so that they share loaded data.
 
 mod fabric;
 mod family;

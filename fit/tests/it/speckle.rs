@@ -1,6 +1,8 @@
-//! Noise tiles. 1. Truth: fields drawn here by another way, of known contrast and covariance, come back; the
-//! tiles' statistics against the closed form.
-//! 2. What a renderer relies on: mean 1, memory effect, no seams, no panics. 3. Files.
+//! Tests of noise tiles.
+//! 1. References: independently drawn fields of known contrast and covariance are recovered; the tiles'
+//!    statistics match the closed form.
+//! 2. Requirements of renderers: mean 1, memory effect, no seams, no panics.
+//! 3. Files.
 
 use plywave::frame::direction;
 use plywave::gap::Slit;
@@ -20,9 +22,9 @@ const AZIMUTHS: usize = 720;
 /// Half range of source positions over the wavelength: k a.
 const REACH: f64 = 30.0;
 
-/// Patterns of plane waves of random phase from places drawn within [-REACH, REACH] (an image of what a fiber
-/// does), beside a constant phasor: share b of the power in the former. Their correlation is the mean of
-/// cos(m d) over the harmonics m drawn, sin(REACH d) / (REACH d) nearly.
+/// Patterns of plane waves of random phase from positions drawn within [-REACH, REACH] (a picture of a
+/// fiber's light), plus a constant phasor; the former have the share b of the power. Their correlation is the
+/// mean of cos(m d) over the harmonics m drawn, sin(REACH d) / (REACH d) nearly.
 fn planted(share: f64, instances: usize, seed: u64) -> Vec<Vec<f64>> {
     let mut rng = Pcg64Mcg::seed_from_u64(seed);
     let m = REACH as i32;
@@ -86,13 +88,13 @@ fn patterns(shares: [f64; 2]) -> SpecklePatterns {
     }
 }
 
-/// Tiles of half developed reflection and of fully developed high-order light, made once.
+/// Tiles of half developed reflection and of fully developed high-order light, synthesized once.
 fn tiles() -> &'static NoiseTiles {
     static TILES: OnceLock<NoiseTiles> = OnceLock::new();
     TILES.get_or_init(|| spectrum().tiles())
 }
 
-/// What they are made of.
+/// Spectrum of these tiles.
 fn spectrum() -> NoiseSpectrum {
     noise_tiles(&patterns([0.4, 1.0]), &options(), "planted").unwrap().0
 }
@@ -117,7 +119,7 @@ fn correlation(x: &[f64], y: &[f64]) -> f64 {
     sum(&|x, y| x * y) / (sum(&|x, _| x * x) * sum(&|_, y| y * y)).sqrt()
 }
 
-/// What saving would refuse after the work is refused before it: the patterns here have no light to look at.
+/// Noise that cannot be saved is refused before the work: the patterns here have no light.
 #[test]
 #[ignore = "slow: 5 s: what cannot be saved is refused before the work"]
 fn what_cannot_be_saved_is_refused_before_the_work() {
@@ -128,7 +130,7 @@ fn what_cannot_be_saved_is_refused_before_the_work() {
         assert!(words.iter().all(|word| message.contains(word)), "{message}");
         assert_eq!(message.lines().count(), 1, "{message}");
     };
-    // Waves that a tile is too coarse or too fine for, with the waists that go.
+    // Waves for which a tile is too coarse or too fine, with the accepted waists.
     let wide = NoiseOptions { w0_um: 1e4, ..options() };
     refuse(0.1, wide.clone(), &["x.pws", "w0_um = 10000", "waist 0.001 to 6625.259"]);
     assert!(plywave_fit::speckle::check_savable(&empty(0.1), &NoiseOptions { w0_um: 6600.0, ..wide }, "").is_ok());
@@ -138,7 +140,7 @@ fn what_cannot_be_saved_is_refused_before_the_work() {
     refuse(0.4, NoiseOptions { tiles: 256, rows: 4096, ..options() }, &["noise_sizes", "values at most"]);
 }
 
-/// Share and covariance of planted fields come back, partly and fully developed.
+/// Share and covariance of planted fields are recovered, partly and fully developed.
 #[test]
 fn planted_fields_come_back() {
     for share in [0.05, 0.4, 1.0] {
@@ -153,8 +155,8 @@ fn planted_fields_come_back() {
             let got = model.covariance(lag);
             assert!((got - want).abs() < 0.08 * top, "{share} {lag}: {got} {want} of {top}");
         }
-        // The field's spectrum is within the harmonics that were drawn, but for what the noise of 400
-        // instances leaves; at share 1 C = mu^2 is flat at 0.
+        // The field's spectrum is within the drawn harmonics, except for the noise of 400 instances; at share
+        // 1 C = mu^2 is flat at 0.
         let beyond: f64 = model.spectrum[REACH as usize + 3..].iter().sum::<f64>() * 2.0;
         assert!(beyond < if share < 1.0 { 0.08 } else { 0.25 }, "{share}: {beyond} beyond the reach");
         assert!(model.spectrum.iter().all(|v| *v >= 0.0));
@@ -169,7 +171,7 @@ fn planted_fields_come_back() {
     }
 }
 
-/// Synthesized patterns have the contrast and the covariance of those they were made from.
+/// Synthesized patterns have the contrast and the covariance of their source.
 #[test]
 fn lines_have_contrast_and_covariance() {
     let rows = compare_lines(&patterns([0.4, 0.6]), &options(), 1500, "planted").unwrap();
@@ -179,7 +181,7 @@ fn lines_have_contrast_and_covariance() {
         assert!((ratio - 1.0).abs() < 0.05, "{}: contrast {ratio}", row.kind);
         let distance = row.simulated.distance(&row.synthesized, 0.1);
         assert!(distance < 0.05, "{}: covariance {distance}", row.kind);
-        // 60 patterns are good to some hundredths, and their covariance lies between those of its halves.
+        // The error of 60 patterns is some hundredths, and their covariance lies between those of its halves.
         let floor = 0.5 * row.halves[0].distance(&row.halves[1], 0.1);
         assert!(floor > 1e-3 && floor < 0.2, "{}: {floor}", row.kind);
         let middle = 0.5 * (row.halves[0].variance() + row.halves[1].variance());
@@ -187,7 +189,7 @@ fn lines_have_contrast_and_covariance() {
     }
 }
 
-/// Patterns without dark fibers, or of one instance, are refused; the seed alone makes the tiles.
+/// Patterns without dark fibers, or of one instance, are refused; the tiles depend on the seed alone.
 #[test]
 fn patterns_are_checked_and_seeds_count() {
     let mut p = patterns([0.4, 1.0]);
@@ -239,7 +241,7 @@ fn mean_over_instances_is_one() {
     }
 }
 
-/// Looked up, the contrast is the one the tiles claim and that of the model; the covariance along the azimuth
+/// By lookups, the contrast is that of the tiles' report and of the model; the covariances along the azimuth
 /// and along the ply are the closed forms, at two wavelengths.
 #[test]
 fn looked_up_statistics_are_the_models() {
@@ -284,8 +286,8 @@ fn looked_up_statistics_are_the_models() {
     }
 }
 
-/// Reflection moves with the light: at theta_i + d the pattern is found at the sin theta_o that keeps q_z.
-/// High-order light stays where it is.
+/// Reflection moves with the light: at theta_i + d the pattern is at the sin theta_o that keeps q_z.
+/// High-order light does not move.
 #[test]
 fn reflection_remembers_and_high_order_light_does_not() {
     let tiles = tiles();
@@ -314,7 +316,7 @@ fn reflection_remembers_and_high_order_light_does_not() {
 }
 
 /// No seam, and of high-order light no pole: N changes over 1e-4 rad by no more there than elsewhere.
-/// Reflection has its pole on the ply's axis, where hardly light goes.
+/// Reflection has its pole on the ply's axis, where there is hardly any light.
 #[test]
 fn patterns_are_continuous_everywhere() {
     let tiles = tiles();
@@ -351,7 +353,7 @@ fn patterns_are_continuous_everywhere() {
     assert!(worst[0] < 0.1 && worst[1] < 0.25, "{worst:?}");
 }
 
-/// Instances of one grain are one, others are not; a ply has many.
+/// Points of one grain have the same instance, others do not; a ply has many.
 #[test]
 fn instances_are_told_by_ply_and_grain() {
     let of = |ply: u32, along: f32, h: f32| format!("{:?}", Instance::new(ply, [along, h], 20.0));
@@ -388,7 +390,7 @@ fn instances_are_told_by_ply_and_grain() {
     assert!(correlation(&both.0, &both.1).abs() < 0.05);
 }
 
-/// Whatever comes in, a number comes out.
+/// Any input gives a number.
 #[test]
 fn any_numbers_come_in() {
     let tiles = tiles();
@@ -408,8 +410,8 @@ fn any_numbers_come_in() {
     assert_eq!(tiles.factors(instance(1), 0.0, [0.0, 1.0, 0.0], []), ([], []));
 }
 
-/// A model keeps its noise in its file, in 20 kB at the standard sizes, and makes the tiles of it; tiles of
-/// earlier files stay what they are; a model without any says so; broken noise is refused.
+/// A model keeps its noise in its file, in 20 kB at the standard sizes, and synthesizes the tiles from it;
+/// tiles of earlier files stay the same; a model without noise reports none; broken noise is refused.
 #[test]
 #[ignore = "slow: 5 s: models keep their noise"]
 fn models_keep_their_noise() {
@@ -497,7 +499,7 @@ fn eval_of_instances_averages_to_the_smooth_model() {
     assert_eq!(NoiseOptions::default().polarization, SpecklePolarization::Unpolarized);
 }
 
-/// Light of slits keeps its place and energy beside speckle.
+/// Light of slits keeps its position and energy beside speckle.
 #[test]
 fn slits_stay_under_noise() {
     let bare = crate::synthetic::model(1, crate::synthetic::STANDARD);

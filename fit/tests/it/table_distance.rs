@@ -3,7 +3,7 @@
 use plywave::table::{OutgoingGrid, Table};
 use plywave_fit::table_distance;
 
-/// A made-up table of 3 latitudes, 9 offsets and 2 absorptions: smooth densities that follow the incidence,
+/// A synthetic table of 3 latitudes, 9 offsets and 2 absorptions: smooth densities that follow the incidence,
 /// nothing equal to anything else.
 fn table() -> Table {
     let grid = OutgoingGrid { theta_o: 24, phi_o: 48 };
@@ -71,7 +71,7 @@ fn distance_of_tables_is_their_difference_less_noise() {
     let d = table_distance(&a, &b).unwrap();
     assert!(d.high2.iter().all(|v| (v.sqrt() - 0.2).abs() < 1e-5));
     assert!(d.energy_high.iter().zip(&a.energy_high).all(|(d, e)| (d + 0.25 * e).abs() < 1e-12));
-    // Noise of both is subtracted: as much as the whole distance here.
+    // The noise of both is subtracted: here it is the whole distance.
     let norm2 = |slice: &[f32]| -> f64 {
         slice.iter().enumerate().map(|(i, v)| a.grid.solid_angle(i / 48) * f64::from(*v).powi(2)).sum()
     };
@@ -81,7 +81,7 @@ fn distance_of_tables_is_their_difference_less_noise() {
     b.noise_high[4 * 2] = noisy;
     let d = table_distance(&a, &b).unwrap();
     assert!(d.high2[4 * 2].abs() < 1e-3, "{}", d.high2[4 * 2]);
-    // Axes in part.
+    // Partly common axes.
     let mut c = a.clone();
     c.h_um.iter_mut().for_each(|h| *h += 1.0);
     assert!(table_distance(&a, &c).unwrap_err().to_string().contains("h_um"));

@@ -1,5 +1,5 @@
-//! The pipeline on a tiny ply: one call against its stages, progress, and a stop that is resumed to the same
-//! model.
+//! The pipeline on a tiny ply: one call against its stages, progress, and a stopped run that resumes to the
+//! same model.
 
 use plywave::spec::YarnSpec;
 use plywave_pipeline::*;
@@ -43,14 +43,13 @@ fn one_call_is_its_stages() {
     let patterns = solve_speckle(&recipe.spec, TINY, &speckle_options(&recipe, Some(4)), file, &run).unwrap();
     add_speckle(&mut model, &patterns, &recipe.spec, file).unwrap();
     assert_eq!(model, built.model);
-    // So few lobes are a bad fit, by the errors that the model holds.
+    // So few lobes are a bad fit, by the model's errors.
     let quality = FitQuality::from_data(&model);
     assert!(quality.refl > 0.2 && quality.high > 0.15 && !quality.is_within(&FitQuality::good()), "{quality:?}");
     assert!(quality.is_within(&FitQuality { refl: 9.0, high: 9.0 }));
 }
 
 #[test]
-#[ignore = "slow: 5 s: stopped builds go on"]
 fn stopped_builds_go_on() {
     let recipe = Recipe { speckle: Speckle::None, ..recipe() };
     let want = build(&recipe, &Run::plain()).unwrap();
@@ -63,7 +62,7 @@ fn stopped_builds_go_on() {
     let stopped = build(&recipe, &run).err();
     assert!(matches!(stopped, Some(Error::Interrupted { left: 1.., total: 24 })), "{stopped:?}");
     drop(parts);
-    // Asked before any work.
+    // Checked before any work.
     let parts = PartsFolder::open(&folder, Found::Refuse).unwrap();
     let unasked = build(&recipe, &Run { parts: Some(&parts), ..Run::plain() }).err();
     assert!(matches!(unasked, Some(Error::Parts(_))), "{unasked:?}");
@@ -71,7 +70,7 @@ fn stopped_builds_go_on() {
     let parts = PartsFolder::open(&folder, Found::Resume).unwrap();
     let resumed = build(&recipe, &Run { parts: Some(&parts), ..Run::plain() }).unwrap();
     assert!(resumed.table == want.table && resumed.model == want.model);
-    // A spec that a recipe cannot change as asked.
+    // A spec without a changed key.
     let unknown = Recipe::changed("tiny.toml", TINY, &[("colour", "1".into())], Quality::Preview);
     assert!(matches!(unknown, Err(Error::NoSuchKey { ref key, .. }) if key == "colour"), "{unknown:?}");
 }

@@ -1,4 +1,4 @@
-//! Where light leaves a ply: the model's densities beside what simulations record, yarn by yarn.
+//! Exit positions of a ply: the model's densities compared with simulations, yarn by yarn.
 
 use plywave::ply::{EXIT_KINDS, EXIT_LENGTH_UM, EXIT_TERMS, ExitShape, exit_terms};
 use plywave::spec::YarnSpec;
@@ -71,7 +71,7 @@ fn light_leaves_as_simulations_record() {
     for name in ["polyester", "wool", "gold"] {
         let mut found = differences(name);
         if name == "gold" {
-            // All that metal scatters is of f_high.
+            // All scattering of metal is in f_high.
             assert!(found[0].iter().all(|v| v.is_nan()), "{found:?}");
             found[0] = [0.0, 1.0];
         }

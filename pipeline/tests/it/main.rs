@@ -1,4 +1,4 @@
-//! Tests of the pipeline. One program, so that they share what is loaded.
+//! Tests of the pipeline. One program, so that they share loaded data.
 
 mod build;
 mod exits;

@@ -1,18 +1,18 @@
-//! Dual scattering over strands: light between them is estimated from those that a shadow ray meets (Zinke
-//! 2008; Khungurn 2015, 6).
+//! Dual scattering over strands: scattering between strands is estimated from the strands that a shadow ray
+//! hits (Zinke 2008; Khungurn 2015, 6).
 //!
-//! A path ends at the first strand. Light is drawn there from one source and by the fiber's own lobes,
-//! weighed by the power heuristic; the ray to it is followed through all strands that it meets, and each
-//! weakens and spreads the light at its own latitude ([`plywave::fiber::dual_scattering`]). Along tables'
-//! effective widths a strand counts at the wavelengths that it is met at. Light that nothing stands before is
-//! scattered as in path tracing, by the offset too where the scene resolves it.
+//! A path ends at the first strand. There, light is sampled from one source and by the fiber's lobes,
+//! weighted by the power heuristic. The ray to it passes through all strands that it hits, and each
+//! attenuates and spreads the light at its own latitude ([`plywave::fiber::dual_scattering`]). With tables'
+//! effective widths a strand counts at the wavelengths at which it is hit. Unoccluded light is scattered as
+//! in path tracing, including the offset if the scene resolves it.
 //!
 //! Props are followed as in path tracing, so that light through the strands to a floor comes from the strands
-//! that it sees. To the strands, props are sources whose light is that of the sources through the strands
-//! before them, once.
+//! visible from it. For the strands, props are sources with one bounce of the light that reaches them through
+//! the strands.
 //!
-//! Tables of averages are made for [`BINS`] sets of wavelengths and for the mean thickness of the strands.
-//! What a tapered strand lets through is that of the mean one.
+//! Tables of averages are computed for [`BINS`] sets of wavelengths and for the mean thickness of the
+//! strands. A tapered strand has the transmission of the mean one.
 
 use super::StrandHit;
 use super::scene::StrandScene;
@@ -36,22 +36,22 @@ use std::sync::atomic::AtomicBool;
 
 /// Sets of wavelengths, each [`WAVELENGTHS`] of them: 64 wavelengths 6 nm apart.
 const BINS: usize = 16;
-/// Turns that are averaged of a fiber that is not round.
+/// Number of turns in the average over a fiber that is not round.
 const TURNS: u32 = 16;
-/// Strands that a camera ray may pass.
+/// Largest number of strands that a camera ray passes.
 const MAX_PASSED: u32 = 100_000;
 
-/// How light between strands is estimated.
+/// Options of the estimate of light between strands.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct StrandDualOptions {
     /// Densities, sums and samples. `turns` of 1 is 16 for fibers that are not round.
     pub dual: DualOptions,
-    /// Whether the strands behind the shading point are counted too; else they are endless.
+    /// Whether the strands behind the shading point are counted too; else infinitely many are assumed.
     pub behind: bool,
 }
 
 impl Default for StrandDualOptions {
-    /// d_f = d_b = 1 and the strands behind are counted: nearest to traced light
+    /// d_f = d_b = 1, with the strands behind counted: closest to path tracing
     /// (docs/explain/dual_scattering.md).
     fn default() -> Self {
         let dual = DualOptions { forward_density: 1.0, backward_density: 1.0, ..DualOptions::default() };
@@ -62,7 +62,7 @@ impl Default for StrandDualOptions {
 /// A scene of strands prepared for dual scattering.
 pub struct StrandDual<'a> {
     scene: &'a StrandScene,
-    /// By where the first wavelength of a path lies in its quarter of the range.
+    /// Averages by the position of a path's first wavelength in its quarter of the range.
     bins: Arc<[DualScattering<WAVELENGTHS>]>,
     behind: bool,
     /// d_f.
@@ -97,13 +97,13 @@ impl<'a> StrandDual<'a> {
         Ok(StrandDual { scene, bins, behind: options.behind, density: dual.forward_density })
     }
 
-    /// The same with another [`StrandDualOptions::behind`]; nothing is averaged anew.
+    /// The same with another [`StrandDualOptions::behind`], without new averages.
     #[must_use]
     pub fn with_behind(&self, behind: bool) -> StrandDual<'a> {
         StrandDual { bins: self.bins.clone(), behind, ..*self }
     }
 
-    /// What light along a ray up to `reach` has passed, as it arrives at the ray's origin, where a strand has
+    /// Counts the strands that light along a ray from `reach` passes before the ray's origin, at a strand of
     /// this `tangent`.
     fn count(
         &self,
@@ -133,7 +133,7 @@ impl<'a> StrandDual<'a> {
         passed
     }
 
-    /// Whether a prop stands on a ray before `reach`.
+    /// Whether a prop occludes a ray before `reach`.
     fn is_blocked(&self, flight: &Flight, reach: f32) -> bool {
         self.scene.prop(flight).is_some_and(|(t, _)| t < reach)
     }
@@ -156,7 +156,7 @@ impl<'a> StrandDual<'a> {
         if !passed.is_direct() {
             return at.radiance(back);
         }
-        // The same by reciprocity, at the offset of the ray from the camera.
+        // By reciprocity, the value at the offset of the camera's ray.
         let direct = of.fiber.eval(toward);
         let cos = |v: [f32; 3]| (1.0 - v[2] * v[2]).max(0.0).sqrt().max(1e-4);
         let scale = cos(toward) / cos(back);
@@ -164,7 +164,8 @@ impl<'a> StrandDual<'a> {
         std::array::from_fn(|k| direct[k] + scale * local[k])
     }
 
-    /// Light of a prop on its way to strands, if one is seen: from one source, through the strands before it.
+    /// Light reflected by a prop towards strands, if the ray hits one: from one source, through the strands
+    /// before it.
     fn of_prop(
         &self,
         dual: &DualScattering<WAVELENGTHS>,
@@ -188,7 +189,7 @@ impl<'a> StrandDual<'a> {
         std::array::from_fn(|k| scale * source.radiance[k] * passed.transmitted[k])
     }
 
-    /// Lamps and sky, found in both ways.
+    /// Lamps and sky, with both sampling strategies.
     fn sources(&self) -> Sources<'_> {
         Sources { sampling: LightSampling::Both, ..self.scene.sources() }
     }
@@ -206,7 +207,7 @@ impl<'a> StrandDual<'a> {
                 (0..WAVELENGTHS).for_each(|k| light[k] += throughput[k] * f[k] * source.radiance[k] * scale);
             }
         }
-        // The fiber's own samples find the light that its narrow lobes take from wide sources.
+        // Samples of the fiber's lobes find the light of wide sources in its narrow lobes.
         if let BsdfSample::Scattered(sample) = of.fiber.sample(rng.random()) {
             let flight = of.place.flight(of.place.world(sample.w));
             let (origin, direction) = (flight.origin.as_vec3(), flight.direction.as_vec3());
@@ -222,7 +223,7 @@ impl<'a> StrandDual<'a> {
         if self.scene.props.iter().all(|prop| prop.albedo <= 0.0) {
             return;
         }
-        // Props, by directions from everywhere.
+        // Props, by directions over the whole sphere.
         let z = 2.0 * rng.random::<f32>() - 1.0;
         let (sin, cos) = (TAU * rng.random::<f32>()).sin_cos();
         let r = (1.0 - z * z).max(0.0).sqrt();
@@ -238,7 +239,7 @@ impl<'a> StrandDual<'a> {
     }
 }
 
-/// A strand that is shaded.
+/// A strand at a shading point.
 struct Shading<'a> {
     place: &'a ScatterPoint,
     dual: &'a DualScattering<WAVELENGTHS>,
@@ -246,23 +247,23 @@ struct Shading<'a> {
     fiber: &'a plywave::FiberBsdf<'a, WAVELENGTHS>,
     lambda: Light4,
     sigma: Light4,
-    /// Unit direction to where the ray comes from.
+    /// Unit direction back along the ray.
     back: DVec3,
 }
 
-/// A place on a prop.
+/// A scattering point on a prop.
 fn beside(position: Vec3, normal: DVec3) -> ScatterPoint {
     let (x, y) = normal.any_orthonormal_pair();
     ScatterPoint { axes: [x, y, normal], from: Leaving::Prop { position: position.as_dvec3(), normal } }
 }
 
-/// Ascending wavelengths [um] of paths whose first lies at `t`, 0 to 1, of its quarter of the range.
+/// Ascending wavelengths [um] of paths whose first is at `t`, 0 to 1, of its quarter of the range.
 fn wavelengths(t: f32) -> Light4 {
     let [low, high] = LAMBDA_RANGE_UM;
     std::array::from_fn(|k| low + (high - low) * (k as f32 + t) / WAVELENGTHS as f32)
 }
 
-/// The bin of a path's wavelengths, and the quarter of the range that its first lies in.
+/// The bin of a path's wavelengths, and the quarter of the range of its first one.
 fn bin(lambda: Light4) -> (usize, usize) {
     let [low, high] = LAMBDA_RANGE_UM;
     let at = ((lambda[0] - low) / (high - low) * WAVELENGTHS as f32).clamp(0.0, WAVELENGTHS as f32 - 1e-3);

@@ -1,15 +1,15 @@
-//! Segments that follow one another on a strand, in one line of the cache: which of them a ray may meet.
+//! Groups of consecutive segments of a strand, one cache line each, for a first test of a ray.
 //!
-//! Of each segment the chord is kept, and for all of them how far the strand reaches from it: the largest
-//! radius and, of a spline, an eighth of its largest second derivative.
-//! A ray that passes the chord at a greater distance, or before or behind it, does not meet the segment. In
-//! 32 bits, with room for the roundings.
+//! A group has the chord of each segment, and for all of them the largest distance of the strand from it: the
+//! largest radius plus, for a spline, an eighth of its largest second derivative. A ray that passes the chord
+//! at a greater distance, or before or behind it, misses the segment. Arithmetic is in 32 bits, with room for
+//! roundings.
 
 use super::Basis;
 use super::segment::{Cubic, cubic, point};
 use glam::{DVec3, Vec3, Vec4};
 
-/// Segments of a group.
+/// Segments per group.
 pub const SEGMENTS: usize = 4;
 /// Room for roundings, over the largest coordinate: those of the chord's ends and the ray's origin, of their
 /// difference and of its products with the ray's axes.
@@ -33,7 +33,7 @@ pub struct GroupRay {
 }
 
 impl GroupRay {
-    /// The origin must be within the largest coordinate that the groups were made for.
+    /// Prepares a ray. The origin must be within the largest coordinate of the groups.
     pub fn new(origin: Vec3, w: DVec3) -> GroupRay {
         let (x, y) = w.any_orthonormal_pair();
         GroupRay { origin, axes: [x, y, w].map(|v| v.as_vec3()) }
@@ -41,7 +41,7 @@ impl GroupRay {
 }
 
 impl Group {
-    /// Of the control points of consecutive segments, whose coordinates are `most` at most.
+    /// Group of the control points of consecutive segments, whose coordinates are at most `most`.
     pub fn new(points: &[[f32; 4]], basis: Basis, most: f32) -> Group {
         let order = basis.order();
         let count = (points.len() + 1 - order).min(SEGMENTS);
@@ -69,7 +69,7 @@ impl Group {
         Group { x: row(0), y: row(1), z: row(2), reach }
     }
 
-    /// Bits of the segments that a ray may meet between the distances `after` and `before`.
+    /// Bits of the segments that a ray may hit between the distances `after` and `before`.
     #[inline(always)]
     pub fn near(&self, ray: &GroupRay, after: f32, before: f32) -> u32 {
         let o = ray.origin;

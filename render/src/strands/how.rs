@@ -1,4 +1,4 @@
-//! How files of strands are taken: units, radii, what points mean.
+//! Interpretation of files of strands: units, radii, basis.
 
 use super::{Basis, MIN_RADIUS_MM, StrandNotes, Strands, check_points};
 use crate::RenderError;
@@ -6,16 +6,16 @@ use crate::RenderError;
 /// Largest file of strands [bytes].
 pub(super) const MAX_BYTES: u64 = 1 << 32;
 
-/// How a file of strands is taken.
+/// Interpretation of a file of strands.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct StrandFile {
-    /// What the points of a `.hair` or Mitsuba's text mean; pbrt's curves become splines.
+    /// Basis of the points of a `.hair` or Mitsuba's text; pbrt's curves become splines.
     pub basis: Basis,
-    /// A unit of the file [mm].
+    /// Length of a unit of the file [mm].
     pub mm_per_unit: f32,
-    /// Radius [mm] in place of the file's.
+    /// Radius [mm] that overrides the file's.
     pub radius_mm: Option<f32>,
-    /// Of a spline: go from the first to the last point of each strand, as `.hair` means it. Mitsuba's
+    /// Whether a spline goes from the first to the last point of each strand, as in `.hair`. Mitsuba's
     /// splines do not.
     pub whole: bool,
 }
@@ -26,9 +26,9 @@ impl StrandFile {
         [s * x, s * y, s * z, self.radius_mm.unwrap_or(s * radius)]
     }
 
-    /// Adds a strand by the points of a file. Strands end in points and are bald at some roots: a radius
-    /// below the least takes the least, a strand of one point or without any width is left out, and
-    /// both are counted.
+    /// Adds a strand from the points of a file. A radius below the least becomes the least, since strands end
+    /// in points and some roots are thin; a strand of one point or without width is omitted. Both are
+    /// counted.
     pub(super) fn push(
         &self,
         strands: &mut Strands,
@@ -54,19 +54,19 @@ impl StrandFile {
     }
 }
 
-/// Least radius along a strand of these radii [mm]: [`MIN_RADIUS_MM`], and what 32 bits tell apart from the
-/// largest; none where all are below it.
+/// Least radius along a strand of these radii [mm]: [`MIN_RADIUS_MM`], or the 32-bit resolution of the
+/// largest radius; `None` if all are below it.
 pub(super) fn least_radius_mm(radii: impl Iterator<Item = f64>) -> Option<f64> {
     let (most, least) = (radii.fold(0.0, f64::max), f64::from(MIN_RADIUS_MM));
     (most >= least).then(|| least.max(1e-5 * most))
 }
 
-/// At most 20 characters of a word.
+/// The first 20 characters of a word, at most.
 pub(super) fn cut(word: &str) -> String {
     if word.chars().count() <= 20 { word.to_string() } else { word.chars().take(17).chain("...".chars()).collect() }
 }
 
-/// Refuses what gzip packed.
+/// Refuses gzip files.
 pub(super) fn refuse_packed(bytes: &[u8]) -> Result<(), String> {
     match bytes {
         [0x1f, 0x8b, ..] => Err("packed by gzip; unpack it (gunzip) and name the unpacked file".into()),

@@ -1,5 +1,5 @@
-//! Strands made by rule: a ball of hair, a single fiber, layers, a wisp, a patch of fur, a knitted loop. The
-//! same seed makes the same strands.
+//! Procedural strands: a ball of hair, a single fiber, layers, a wisp, a patch of fur, a knitted loop. The
+//! same seed gives the same strands.
 
 use super::{Basis, Strands};
 use crate::RenderError;
@@ -9,7 +9,8 @@ use rand_pcg::Pcg64Mcg;
 use serde::Deserialize;
 use std::f32::consts::{FRAC_PI_2, PI, TAU};
 
-/// What is made; lengths in mm. In files a table whose `kind` is the name in small letters.
+/// Kind and sizes of procedural strands; lengths in mm. In files, a table whose `kind` is the name in lower
+/// case.
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
 #[serde(tag = "kind", rename_all = "snake_case")]
 pub enum GeneratedStrands {
@@ -18,31 +19,31 @@ pub enum GeneratedStrands {
         /// Its length.
         length_mm: f32,
     },
-    /// Parallel fibers along x in the plane z = 0, and layers below it, each moved by half the distance.
+    /// Parallel fibers along x in the plane z = 0, and layers below it, each shifted by half the spacing.
     Layer {
         /// Fibers of a layer.
         count: u32,
-        /// Layers; 1 where a file does not say.
+        /// Number of layers; default 1.
         #[serde(default = "one")]
         layers: u32,
-        /// From center line to center line.
+        /// Distance between center lines.
         spacing_mm: f32,
         /// Length of a fiber.
         length_mm: f32,
     },
-    /// Hairs that stand on a ball about the origin and fall over, curled.
+    /// Curled hairs that stand on a ball about the origin and fall over.
     Ball {
         /// Number of hairs.
         count: u32,
-        /// Radius of the ball they stand on.
+        /// Radius of the ball.
         ball_mm: f32,
         /// Length of a hair.
         length_mm: f32,
-        /// Radius of the curls; 0 where a file does not say.
+        /// Radius of the curls; default 0.
         #[serde(default)]
         curl_mm: f32,
     },
-    /// A lock that hangs down from z = 0 and runs to a point, about the z axis, waved.
+    /// A wavy lock about the z axis that hangs down from z = 0 and tapers to a point.
     Wisp {
         /// Number of hairs.
         count: u32,
@@ -60,11 +61,11 @@ pub enum GeneratedStrands {
         /// Length of a hair.
         length_mm: f32,
     },
-    /// A yarn of fibers along one row of loops of a jersey, in the plane z = 0 but for the crossings.
+    /// A yarn of fibers along one row of loops of a jersey, in the plane z = 0 except at the crossings.
     Loop {
         /// Fibers of the yarn.
         count: u32,
-        /// Loops; 3 where a file does not say.
+        /// Number of loops; default 3.
         #[serde(default = "three")]
         loops: u32,
         /// Width of a loop.
@@ -82,11 +83,11 @@ fn three() -> u32 {
     3
 }
 
-/// Most points that are made.
+/// Largest number of points.
 const MAX_MADE: u64 = 200_000_000;
 
-/// Makes strands of a radius [mm] with so many segments each, as B-splines. Hairs of balls, wisps and fur
-/// become thinner towards their tips, by a half.
+/// Generates strands of a radius [mm] with `segments` segments each, as B-splines. Hairs of balls, wisps and
+/// fur taper to half their radius at the tips.
 ///
 /// # Errors
 /// [`RenderError::Strands`] for more than 200 M points, [`RenderError::TooLarge`].
@@ -126,7 +127,7 @@ pub fn make(what: &GeneratedStrands, radius_mm: f32, segments: u32, seed: u64) -
     Ok(strands)
 }
 
-/// Centers that hairs of a patch of fur lean to, on a grid of cells.
+/// Centers that the hairs of a patch of fur lean towards, on a grid of cells.
 struct Tufts {
     across: usize,
     centers: Vec<Vec3>,
@@ -162,7 +163,7 @@ impl Tufts {
     }
 }
 
-/// An even point of the unit disc.
+/// A uniformly distributed point of the unit disc.
 fn disc(rng: &mut Pcg64Mcg) -> [f32; 2] {
     let (r, phi) = (rng.random::<f32>().sqrt(), TAU * rng.random::<f32>());
     [r * phi.cos(), r * phi.sin()]
@@ -192,12 +193,12 @@ fn path(what: &GeneratedStrands, k: u64, tufts: &Tufts, rng: &mut Pcg64Mcg) -> B
             let up = (normal + 0.5 * lean).normalize_or(normal);
             Box::new(move |u| {
                 let s = length * u;
-                // Up, and more and more down and along the ball.
+                // Up, then increasingly down and along the ball.
                 let fall = Vec3::NEG_Z * (0.45 * u * s) + up * (s * (1.0 - 0.3 * u));
                 let (sin, cos) = (TAU * turns * u + phase).sin_cos();
                 let wave = (a * (cos - phase.cos()) + b * (sin - phase.sin())) * (curl * u.sqrt());
                 let p = normal * ball_mm + fall + wave;
-                // Not into the ball.
+                // Stay outside the ball.
                 let depth = p.length();
                 let least = ball_mm * (1.0 + 0.002 * u);
                 if depth < least { p * (least / depth.max(1e-6)) } else { p }

@@ -1,9 +1,9 @@
-//! Strands: hair, fur, threads, lone fibers as curves with a radius, and what a ray meets of them.
+//! Strands: hair, fur, threads and single fibers as curves with a radius, and their intersection with rays.
 //!
 //! A strand is a chain of straight segments or a uniform cubic B-spline through or near its control points;
-//! its radius varies along it in the same way. Rays meet it as a tube ([`StrandShape::Tube`]: the union of
-//! balls along the curve) or as a band that faces each ray ([`StrandShape::Band`]). `segment.rs` has the
-//! formulas, `tree.rs` the BVH and the answer at a hit.
+//! its radius varies along it in the same way. Rays intersect it as a tube ([`StrandShape::Tube`]: the union
+//! of balls along the curve) or as a band that faces each ray ([`StrandShape::Band`]). `segment.rs` has the
+//! formulas, `tree.rs` the BVH and the hits.
 
 mod dual;
 mod group;
@@ -32,18 +32,18 @@ pub use scene::{StrandFiber, StrandScene};
 pub use trace::render_strands;
 pub use tree::{Skip, StrandHit, StrandTree, TraceCost};
 
-/// Most control points of one strand, which is what a `.hair` file can say.
+/// Largest number of control points of one strand, the limit of a `.hair` file.
 pub const MAX_POINTS: usize = 65_536;
-/// Most points of all strands: what the tree counts to.
+/// Largest number of points of all strands, the limit of the tree's indices.
 const MAX_IN_ALL: usize = 1 << 29;
 /// Largest coordinate [mm].
 pub const MAX_MM: f32 = 1e6;
 /// Least radius [mm].
 pub const MIN_RADIUS_MM: f32 = 1e-5;
-/// Bytes a control point, in the strands and in their BVH.
+/// Bytes per control point, in the strands and in their BVH.
 const POINT_BYTES: u64 = 300;
 
-/// What control points mean.
+/// Basis of control points.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Basis {
     /// Straight from point to point.
@@ -53,7 +53,7 @@ pub enum Basis {
 }
 
 impl Basis {
-    /// Points of a segment.
+    /// Number of control points of a segment.
     pub fn order(self) -> usize {
         match self {
             Basis::Linear => 2,
@@ -62,17 +62,17 @@ impl Basis {
     }
 }
 
-/// What a ray meets of a strand.
+/// Shape of a strand for intersection.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum StrandShape {
-    /// Balls along the curve: rays enter at the surface.
+    /// Balls along the curve: rays hit the surface.
     Tube,
-    /// A band that faces each ray: rays are met where they pass the curve within the radius.
+    /// A band that faces each ray: rays hit where they pass the curve within the radius.
     Band,
 }
 
-/// Consecutive control points of one strand. The curves of one strand, as pbrt's Bezier pieces, may stand in
-/// several runs.
+/// Consecutive control points of one strand. The curves of one strand, such as pbrt's Bezier pieces, may be
+/// in several runs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Run {
     pub first: u32,
@@ -84,19 +84,19 @@ pub(crate) struct Run {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Strands {
     basis: Basis,
-    /// x, y, z, radius [mm]. Beyond the ends of a spline a radius may be below 0: the curve's own is not.
+    /// x, y, z, radius [mm]. Beyond the ends of a spline a radius may be negative; the curve's radius is not.
     points: Vec<[f32; 4]>,
     runs: Vec<Run>,
     count: u32,
 }
 
 impl Strands {
-    /// No strands yet.
+    /// Empty strands of a basis.
     pub fn new(basis: Basis) -> Strands {
         Strands { basis, points: Vec::new(), runs: Vec::new(), count: 0 }
     }
 
-    /// What the control points mean.
+    /// Basis of the control points.
     pub fn basis(&self) -> Basis {
         self.basis
     }
@@ -106,7 +106,7 @@ impl Strands {
         self.count as usize
     }
 
-    /// Whether there is none.
+    /// Whether there are no strands.
     pub fn is_empty(&self) -> bool {
         self.count == 0
     }
@@ -121,7 +121,7 @@ impl Strands {
         &self.points
     }
 
-    /// Control points of each strand, or of each curve where a strand has several.
+    /// Control points of each strand, or of each curve of a strand with several.
     pub fn curves(&self) -> impl Iterator<Item = &[[f32; 4]]> {
         self.runs.iter().map(|run| &self.points[run.first as usize..][..run.count as usize])
     }
@@ -134,8 +134,8 @@ impl Strands {
     ///
     /// # Errors
     /// [`RenderError::Strands`] for too few or more than [`MAX_POINTS`] points, coordinates that are not
-    /// finite or beyond [`MAX_MM`], radii below
-    /// [`MIN_RADIUS_MM`]; `file` and `place`, as `strand 3`, stand in it.
+    /// finite or beyond [`MAX_MM`], radii below [`MIN_RADIUS_MM`]; it names `file` and `place`, such as
+    /// `strand 3`.
     pub fn push(&mut self, points: &[[f32; 4]], file: &str, place: &str) -> Result<(), RenderError> {
         let bad = |what: String| RenderError::Strands { file: file.to_string(), what: format!("{place}: {what}") };
         let order = self.basis.order();
@@ -146,8 +146,9 @@ impl Strands {
         self.add_run(points, true).map_err(bad)
     }
 
-    /// A strand through all of `points`, two at least: of a B-spline, the outermost points are mirrored at
-    /// the ends, so that it begins and ends there with their radii; in between it passes them by.
+    /// Adds a strand along all of `points`, at least two. For a B-spline, the outermost points are mirrored,
+    /// so that it begins and ends at the first and last point with their radii; it only passes near the
+    /// others.
     ///
     /// # Errors
     /// As [`Strands::push`].
@@ -164,8 +165,7 @@ impl Strands {
         self.add_run(&all, true).map_err(bad)
     }
 
-    /// Adds control points that have been looked at, to a strand of their own or to the one that was added
-    /// last.
+    /// Adds checked control points, to a new strand or to the last one.
     fn add_run(&mut self, points: &[[f32; 4]], is_new: bool) -> Result<(), String> {
         if self.points.len() + points.len() > MAX_IN_ALL {
             return Err("more than 536 M points in all; give fewer strands".into());
@@ -180,7 +180,7 @@ impl Strands {
         Ok(())
     }
 
-    /// Refuses what memory does not hold.
+    /// Refuses more points than fit in memory.
     ///
     /// # Errors
     /// [`RenderError::TooLarge`].
@@ -188,7 +188,7 @@ impl Strands {
         check_room(&format!("strands of {points} points"), points.saturating_mul(POINT_BYTES))
     }
 
-    /// All radii times `factor`.
+    /// Multiplies all radii by `factor`.
     pub fn scale_radii(&mut self, factor: f32) {
         self.points.iter_mut().for_each(|p| p[3] *= factor);
     }
@@ -223,13 +223,13 @@ fn mean(a: [f32; 4], b: [f32; 4]) -> [f32; 4] {
     std::array::from_fn(|k| 0.5 * (a[k] + b[k]))
 }
 
-/// `b` mirrored at `a`, with its radius: the curve has the radius of `a` there, and between the two radii, of
-/// which none is below 0, none that is below both.
+/// `b` mirrored at `a`, with its radius. The curve has the radius of `a` at the end, and no radius below
+/// those of both `a` and `b`.
 fn beyond(a: [f32; 4], b: [f32; 4]) -> [f32; 4] {
     std::array::from_fn(|k| 2.0 * a[k] - b[k])
 }
 
-/// Refuses numbers of points, coordinates and radii out of range; points are numbered as they are given.
+/// Refuses numbers of points, coordinates and radii out of range; points are numbered in their given order.
 fn check_points(points: &[[f32; 4]], least: f32, file: &str, place: &str) -> Result<(), RenderError> {
     let bad = |what: String| RenderError::Strands { file: file.to_string(), what: format!("{place}: {what}") };
     if points.len() > MAX_POINTS {

@@ -1,30 +1,29 @@
-//! What a reader of strands left out, or took otherwise than the file has it.
+//! Notes of a reader of strands on omitted and changed input.
 
 use super::MIN_RADIUS_MM;
 use super::how::cut;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
 
-/// Most kinds of shapes that are told apart.
+/// Largest number of kinds of shapes that are counted separately.
 const MAX_KINDS: usize = 16;
 
-/// What a reader left out, or took otherwise than the file has it, and the files that it read beside the
-/// first.
+/// Input that a reader omitted or changed, and the included files.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct StrandNotes {
-    /// Points whose radius is 0, or below the least, and took the least.
+    /// Points whose radius was 0 or below the least, and became the least.
     pub thin_points: u64,
-    /// Strands of a single point, left out.
+    /// Strands of a single point, omitted.
     pub single_points: u64,
-    /// Strands whose radius is below the least all along, left out.
+    /// Strands whose radius is below the least everywhere, omitted.
     pub without_width: u64,
-    /// pbrt's ribbons, taken as round.
+    /// pbrt's ribbons, read as round.
     pub ribbons: u64,
-    /// pbrt's curves under a scale that is not the same in all directions.
+    /// pbrt's curves under a non-uniform scale.
     pub stretched: u64,
-    /// pbrt's curves under transforms that move, taken where they start.
+    /// pbrt's curves under animated transforms, read at their start.
     pub moving: u64,
-    /// pbrt's shapes that are no curves, by kind, passed over.
+    /// pbrt's shapes other than curves, by kind, ignored.
     pub other_shapes: BTreeMap<String, u64>,
     /// pbrt's blocks without an end.
     pub open_blocks: u64,
@@ -41,7 +40,7 @@ impl StrandNotes {
         *self.other_shapes.entry(kind).or_default() += 1;
     }
 
-    /// For the user, a line each.
+    /// Notes for the user, a line each.
     pub fn lines(&self) -> Vec<String> {
         let least = format!("{MIN_RADIUS_MM} mm");
         let shapes: Vec<String> = self.other_shapes.iter().map(|(kind, n)| format!("{n} {kind}")).collect();

@@ -1,10 +1,9 @@
-//! pbrt's text: statements, of which transforms, blocks, objects, included files and curves count, in one
-//! pass.
+//! Reader of pbrt's text in one pass: transforms, blocks, objects, included files and curves.
 //!
 //! As in pbrt-v4 (`parser.cpp`, `scene.cpp`): a transform multiplies the current one from the right,
-//! `WorldBegin` begins anew, an object's curves keep the transform that they were defined under, and its
-//! instances put theirs before it.
-//! Statements of pbrt-v2 and -v3 that v4 lacks are passed over like all that are no geometry.
+//! `WorldBegin` resets it, an object's curves keep the transform of their definition, and its instances
+//! multiply theirs from the left. Statements of pbrt-v2 and -v3 that v4 lacks are ignored, like all
+//! statements without geometry.
 
 use super::how::{MAX_BYTES, StrandFile, refuse_packed};
 use super::pbrt_curve::{Curve, Given};
@@ -16,20 +15,20 @@ use plywave::io::{AssetSource, Folder};
 use std::collections::HashMap;
 use std::path::{Component, Path, PathBuf};
 
-/// Most blocks within one another.
+/// Largest depth of nested blocks.
 const MAX_BLOCKS: usize = 10_000;
-/// Most files within one another.
+/// Largest depth of included files.
 const MAX_FILES: usize = 32;
-/// Most files that are read, each time counted.
+/// Largest number of files read, counting repetitions.
 const MAX_READ: usize = 100_000;
-/// Most instances, those within instances counted.
+/// Largest number of instances, including those within instances.
 const MAX_INSTANCES: usize = 1 << 22;
-/// Most objects within one another.
+/// Largest depth of nested objects.
 const MAX_WITHIN: usize = 64;
-/// Points at which memory is looked at first.
+/// Number of points at the first check of memory.
 const FIRST_CHECK: usize = 1 << 20;
 
-/// Statements that are passed over.
+/// Ignored statements.
 const PASSED: &[&[u8]] = &[
     b"Accelerator",
     b"AreaLightSource",
@@ -56,7 +55,7 @@ const PASSED: &[&[u8]] = &[
     b"VolumeIntegrator",
     b"WorldEnd",
 ];
-/// Statements that are followed.
+/// Interpreted statements.
 const FOLLOWED: &[&[u8]] = &[
     b"ActiveTransform",
     b"Attribute",
@@ -83,8 +82,8 @@ const FOLLOWED: &[&[u8]] = &[
     b"WorldBegin",
 ];
 
-/// Whether a text is of pbrt: it does not begin with a number, and begins with a statement or has the word
-/// `Shape`.
+/// Whether a text is pbrt's: it does not begin with a number, and begins with a statement or contains the
+/// word `Shape`.
 pub fn is(bytes: &[u8]) -> bool {
     let mut words = Words::new(bytes);
     let Ok(Some(first)) = words.next() else { return false };
@@ -103,7 +102,7 @@ pub fn is(bytes: &[u8]) -> bool {
     false
 }
 
-/// All curves of a text.
+/// Reads all curves of a text.
 pub fn read(
     bytes: &[u8],
     file: &str,
@@ -138,17 +137,17 @@ pub fn read(
     Ok(reader.strands)
 }
 
-/// What blocks keep.
+/// Graphics state that blocks save.
 #[derive(Clone)]
 struct State {
     /// The current transform.
     space: DMat4,
-    /// Whether transforms count at the start and at the end of the time that the shutter is open.
+    /// Whether transforms apply at the start and at the end of the shutter interval.
     at_start: bool,
     at_end: bool,
     /// Whether the two differ.
     moves: bool,
-    /// Of all curves that follow.
+    /// Attributes of all following curves.
     given: Given,
 }
 
@@ -167,10 +166,10 @@ struct Use {
     line: usize,
 }
 
-/// What stands between `ObjectBegin` and `ObjectEnd`.
+/// An object: the content between `ObjectBegin` and `ObjectEnd`.
 #[derive(Default)]
 struct Object {
-    /// In the object's space.
+    /// Curves in the object's space.
     curves: Vec<Curve>,
     uses: Vec<Use>,
     moves: bool,
@@ -186,20 +185,20 @@ struct Reader<'a> {
     /// Named coordinate systems.
     systems: HashMap<Vec<u8>, DMat4>,
     objects: HashMap<Vec<u8>, Object>,
-    /// The one that is being defined.
+    /// The object under definition.
     object: Option<(Vec<u8>, Object)>,
     uses: Vec<Use>,
-    /// Files within one another, by name from the folder of the first.
+    /// Stack of included files, by name relative to the folder of the first.
     files: Vec<String>,
-    /// Bytes and files that were read.
+    /// Numbers of bytes and files read.
     read: [u64; 2],
-    /// Control points so far, those of objects too.
+    /// Control points so far, including those of objects.
     points: usize,
     check_at: usize,
 }
 
 impl Reader<'_> {
-    /// A whole text.
+    /// Reads a whole text.
     fn text(&mut self, bytes: &[u8], file: &str) -> Result<(), RenderError> {
         let mut words = Words::new(bytes);
         let mut values = Vec::new();
@@ -259,7 +258,7 @@ impl Reader<'_> {
         }
     }
 
-    /// A statement of transforms, blocks or attributes.
+    /// Reads a statement of transforms, blocks or attributes.
     fn statement<'w>(&mut self, name: &[u8], words: &mut Words<'w>, values: &mut Vec<Word<'w>>) -> Result<(), String> {
         match name {
             b"Identity" => self.transform(|_| DMat4::IDENTITY),
@@ -377,7 +376,7 @@ impl Reader<'_> {
         }
     }
 
-    /// A curve: into the object that is being defined, or among the strands.
+    /// Adds a curve to the object under definition, or to the strands.
     fn curve(&mut self, given: &Given, points: &[DVec3]) -> Result<(), String> {
         let space = self.state.space;
         if space.determinant() == 0.0 {
@@ -398,7 +397,7 @@ impl Reader<'_> {
         Ok(())
     }
 
-    /// Looks at memory each time that the points have doubled.
+    /// Checks memory each time the number of points has doubled.
     fn count(&mut self, points: usize) -> Result<(), RenderError> {
         self.points += points;
         if self.points > self.check_at {
@@ -408,7 +407,7 @@ impl Reader<'_> {
         Ok(())
     }
 
-    /// The curves of an instance, and of those within it.
+    /// Adds the curves of an instance, and of nested instances.
     fn put<'o>(
         &mut self,
         of: &'o Use,
@@ -444,8 +443,8 @@ impl Reader<'_> {
         Ok(())
     }
 
-    /// The bytes of a file that the text names, and its name from the folder of the first file: there as pbrt
-    /// looks for it, or beside the file that names it.
+    /// The bytes of an included file, and its name relative to the folder of the first file. It is looked up
+    /// in that folder as in pbrt, or beside the including file.
     fn include(&mut self, named: &str) -> Result<(Vec<u8>, String), String> {
         let folder = self.folder.ok_or_else(|| format!("Include {named:?} without a folder to read it from"))?;
         let beside = self.files.last().and_then(|file| Path::new(file).parent()).map(|parent| parent.join(named));

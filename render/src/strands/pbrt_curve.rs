@@ -1,20 +1,19 @@
-//! pbrt's curves: Bezier and B-spline curves of degree 2 and 3, as segments of cubic B-splines, exactly,
-//! under transforms.
+//! pbrt's curves: Bezier and B-spline curves of degree 2 and 3, converted exactly to segments of cubic
+//! B-splines, under transforms.
 //!
 //! A transform that scales differently by direction makes a circular section elliptical. The section keeps
 //! its area: along a unit tangent t the matrix M scales it by |det M| / |M t|, and the radius by the root of
-//! that; by one scale s
-//! in all directions it is s.
+//! that. A uniform scale s scales the radius by s.
 
 use super::how::{StrandFile, least_radius_mm};
 use super::words::{Word, Words, number, shown};
 use super::{MAX_MM, MAX_POINTS, StrandNotes, Strands};
 use glam::{DMat4, DVec3};
 
-/// Scales that differ by less, over the largest, are the same.
+/// Relative difference below which scales count as equal.
 const SAME: f64 = 1e-4;
 
-/// What a curve is given by beside its points; what is absent has pbrt's default.
+/// Attributes of a curve beside its points; absent ones have pbrt's default.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Given {
     degree: Option<usize>,
@@ -25,7 +24,7 @@ pub struct Given {
 }
 
 impl Given {
-    /// `"type name" value` or `"type name" [ values ]`, as many as follow; points into `points`.
+    /// Reads all following `"type name" value` or `"type name" [ values ]`; points go to `points`.
     pub fn read<'a>(
         &mut self,
         words: &mut Words<'a>,
@@ -86,14 +85,14 @@ impl Given {
                         _ => return Err("unknown type; use \"flat\", \"cylinder\" or \"ribbon\"".into()),
                     }
                 }
-                // How it is cut up, which way it faces, and what of it is shown are the host's.
+                // Splitting, orientation and visible range of the curve do not matter here.
                 _ => {}
             }
         }
         Ok(())
     }
 
-    /// The curve through the space of its file.
+    /// Builds the curve in its file's space.
     pub fn curve(&self, points: &[DVec3]) -> Result<Curve, String> {
         let (n, d) = (points.len(), self.degree.unwrap_or(3));
         let segments = if self.is_bspline {
@@ -145,7 +144,7 @@ struct Piece {
     radii: Vec<f64>,
 }
 
-/// A curve in some space, in the file's units.
+/// A curve in the file's units.
 #[derive(Clone, Debug)]
 pub struct Curve {
     pieces: Vec<Piece>,
@@ -168,7 +167,7 @@ impl Curve {
         self.is_stretched |= is_stretch(to);
         for piece in &mut self.pieces {
             for (k, radius) in piece.radii.iter_mut().enumerate() {
-                // Along the curve where the segments meet.
+                // Tangent of the curve where the segments join.
                 let along = (piece.points[k + 2] - piece.points[k]).normalize_or_zero();
                 let longer = to.transform_vector3(along).length();
                 *radius *= if longer > 0.0 { (volume / longer).sqrt() } else { volume.cbrt() };
@@ -178,14 +177,14 @@ impl Curve {
         self
     }
 
-    /// Adds the curve as a strand, in mm. Radii below the least take it, and a curve without width is left
-    /// out, as in [`StrandFile::push`].
+    /// Adds the curve as a strand, in mm. Radii below the least become the least, and a curve without width
+    /// is omitted, as in [`StrandFile::push`].
     pub fn add(&self, strands: &mut Strands, how: &StrandFile, notes: &mut StrandNotes) -> Result<(), String> {
         let mm = f64::from(how.mm_per_unit);
         let radius_mm = |radius: f64| how.radius_mm.map_or(mm * radius, f64::from);
         let radii = || self.pieces.iter().flat_map(|piece| &piece.radii).map(|r| radius_mm(*r));
         let coordinates = self.pieces.iter().flat_map(|piece| &piece.points).map(|p| mm * p.abs().max_element());
-        // Points of a B-spline lie up to 15 times as far out as those of the same Bezier curve.
+        // Points of a B-spline are up to 15 times as far out as those of the same Bezier curve.
         let too_much = |most: f64| move |v: &f64| v.is_nan() || *v > most * f64::from(MAX_MM);
         let far = coordinates.into_iter().find(too_much(15.0)).map(|v| ("coordinate", v));
         if let Some((name, v)) = far.or_else(|| radii().find(too_much(1.0)).map(|v| ("radius", v))) {
@@ -200,8 +199,8 @@ impl Curve {
         notes.thin_points += radii().filter(|r| *r < least).count() as u64;
         let mut points = Vec::new();
         for (k, piece) in self.pieces.iter().enumerate() {
-            // Control values of the radius: those at the knots, and the outermost mirrored, so that it is
-            // exact at both ends, and everywhere where it is linear.
+            // Control values of the radius: those at the knots, with the outermost mirrored, so that the
+            // radius is exact at both ends, and everywhere if linear.
             let at = |knot: usize| radius_mm(piece.radii[knot]).max(least);
             let last = piece.radii.len() - 1;
             let control = |i: usize| match i {
@@ -220,7 +219,7 @@ impl Curve {
     }
 }
 
-/// Whether a matrix scales differently by direction: its columns differ in length, or are not perpendicular.
+/// Whether a matrix scales differently by direction: its columns differ in length or are not perpendicular.
 fn is_stretch(m: &DMat4) -> bool {
     let axes = [m.x_axis, m.y_axis, m.z_axis].map(|axis| axis.truncate());
     let most = axes.map(|axis| axis.length_squared()).into_iter().fold(0.0, f64::max);

@@ -6,8 +6,8 @@
 //! | Mitsuba's text | `x y z radius` a line, an empty line between curves |
 //! | pbrt's text | `width`, or `width0` to `width1`, is a diameter; `basis` `bezier` or `bspline`, of degree 3 or 2; transforms are applied |
 //!
-//! It does not read the colors and transparency of `.hair`, nor pbrt's shapes other than curves, nor the
-//! normals of ribbons.
+//! Ignored: the colors and transparency of `.hair`, pbrt's shapes other than curves, and the normals of
+//! ribbons.
 
 use super::how::{MAX_BYTES, StrandFile, cut, refuse_packed};
 use super::pbrt;
@@ -33,8 +33,7 @@ impl Strands {
         read(&bytes, &file, how, Some(&Folder::of_file(path)))
     }
 
-    /// As [`Strands::load`], of the bytes of a file, which includes no others; `file` stands for it in
-    /// errors.
+    /// As [`Strands::load`], from the bytes of a file without included files; `file` stands for it in errors.
     ///
     /// # Errors
     /// As [`Strands::load`].
@@ -71,8 +70,8 @@ fn read(
     Ok((strands, notes))
 }
 
-/// The `.hair` format: a header of 128 bytes, then arrays of segments a strand, points, thickness, of which a
-/// word of flags tells which are there.
+/// The `.hair` format: a header of 128 bytes, then arrays of segments per strand, points and thickness; a
+/// word of flags tells which are present.
 fn hair(bytes: &[u8], file: &str, how: &StrandFile, notes: &mut StrandNotes) -> Result<Strands, RenderError> {
     const HEADER: usize = 128;
     let bad = |what: String| RenderError::Strands { file: file.to_string(), what };
@@ -133,7 +132,7 @@ fn hair(bytes: &[u8], file: &str, how: &StrandFile, notes: &mut StrandNotes) -> 
     Ok(strands)
 }
 
-/// `x y z radius` a line, curves apart by empty lines.
+/// Mitsuba's text: `x y z radius` per line, curves separated by empty lines.
 fn mitsuba(text: &str, file: &str, how: &StrandFile, notes: &mut StrandNotes) -> Result<Strands, RenderError> {
     let mut strands = Strands::new(how.basis);
     let mut curve: Vec<[f32; 4]> = Vec::new();

@@ -1,4 +1,4 @@
-//! Strands with a fiber's model and their light.
+//! Scene of strands with a fiber's model and lights.
 
 use super::{StrandHit, StrandShape, StrandTree, Strands};
 use crate::light::Sources;
@@ -6,20 +6,21 @@ use crate::{Environment, Light, LightSampling, Prop, WAVELENGTHS};
 use glam::{DVec3, Vec3};
 use plywave::{FiberBsdf, FiberModel, FiberQuery};
 
-/// What strands are of.
+/// Material of strands.
 #[derive(Clone, Debug)]
 pub struct StrandFiber {
     /// Scattering of one fiber.
     pub model: FiberModel,
     /// Absorption of its inside: wavelengths [um], ascending, and absorptions [1/um], linear in between and
-    /// constant beyond; none is 0. Tables ignore it.
+    /// constant beyond; empty means 0. Tables ignore it.
     pub sigma: Vec<[f32; 2]>,
-    /// Whether light is resolved by its offset on the fiber; else each hit has the mean over the offsets.
+    /// Whether scattering depends on the ray's offset on the fiber; else each hit uses the mean over the
+    /// offsets.
     pub near: bool,
 }
 
 impl StrandFiber {
-    /// A clear fiber, or one of the table's own color, seen from afar.
+    /// A clear fiber, or one with the table's color, without dependence on the offset.
     pub fn new(model: FiberModel) -> StrandFiber {
         StrandFiber { model, sigma: Vec::new(), near: false }
     }
@@ -43,27 +44,27 @@ impl StrandFiber {
     }
 }
 
-/// Strands of one kind of fiber, and their light.
+/// Strands of one kind of fiber, and their lights.
 ///
-/// The strands' radius is the fiber's. Where a table takes light from more than its geometric width (Xia
-/// 2020, 6), strands are met that much wider, and
-/// [`FiberBsdf::hit`] says, by wavelength, whether a ray's offset is within the width C_e at its direction;
-/// else it passes. A strand of another radius than the model's is the model enlarged: the same shape of
-/// scattering, widths in proportion; of analytic models the light's paths inside grow with it.
+/// The strands' radius is the fiber's. If a table receives light over more than its geometric width (Xia
+/// 2020, 6), strands are intersected with that larger width, and [`FiberBsdf::hit`] says, by wavelength,
+/// whether a ray's offset is within the width C_e at its direction; else the ray passes. A strand whose
+/// radius differs from the model's is the scaled model: the same shape of scattering, widths in proportion;
+/// for analytic models the light's paths inside scale too.
 pub struct StrandScene {
     tree: StrandTree,
     fiber: StrandFiber,
-    /// Width that is met over the geometric one.
+    /// Intersected width over the geometric one.
     wider: f32,
-    /// Axis, across the fiber, that outlines count from.
+    /// Reference axis across the fiber for the orientation of outlines.
     pub reference: Vec3,
-    /// Rectangles.
+    /// Rectangular lamps.
     pub lights: Vec<Light>,
-    /// Light from afar.
+    /// Light from infinitely far.
     pub environment: Environment,
-    /// Matte things beside the strands.
+    /// Matte props beside the strands.
     pub props: Vec<Prop>,
-    /// How light is found.
+    /// Sampling of light.
     pub sampling: LightSampling,
 }
 
@@ -81,7 +82,7 @@ impl StrandScene {
         StrandScene::over(StrandTree::new(strands, shape), fiber, lights, environment)
     }
 
-    /// Over a tree whose radii have the width in them that is met.
+    /// Scene over a tree whose radii include the intersected width.
     pub fn over(tree: StrandTree, fiber: StrandFiber, lights: Vec<Light>, environment: Environment) -> StrandScene {
         let wider = wider(&fiber);
         let (props, sampling) = (Vec::new(), LightSampling::default());
@@ -93,7 +94,7 @@ impl StrandScene {
         Sources { lights: &self.lights, environment: &self.environment, sampling: self.sampling }
     }
 
-    /// The strands, as wide as they are met.
+    /// The strands, with their intersected width.
     pub fn tree(&self) -> &StrandTree {
         &self.tree
     }
@@ -103,7 +104,7 @@ impl StrandScene {
         &self.fiber
     }
 
-    /// The fiber's scattering at a hit of a ray in `direction`, and which wavelengths are hit.
+    /// The fiber's scattering at a hit of a ray in `direction`, and whether each wavelength is hit.
     pub(super) fn at(
         &self,
         hit: &StrandHit,
@@ -124,7 +125,7 @@ impl StrandScene {
         (at, met)
     }
 
-    /// Which wavelengths of a ray are met at a hit.
+    /// Whether each wavelength of a ray is hit at a hit.
     pub(super) fn met(&self, hit: &StrandHit, direction: DVec3, lambda_um: [f32; WAVELENGTHS]) -> [bool; WAVELENGTHS] {
         if !self.is_limited() {
             return [true; WAVELENGTHS];
@@ -132,24 +133,24 @@ impl StrandScene {
         self.at(hit, &hit.frame(self.reference), direction, lambda_um).1
     }
 
-    /// Thickness of a strand of a radius as it is met [mm], over the model's.
+    /// Thickness, relative to the model's, of a strand of an intersected radius [mm].
     pub(super) fn larger(&self, radius_mm: f64) -> f32 {
         1000.0 * radius_mm as f32 / (self.wider * self.fiber.radius_um())
     }
 
-    /// Absorption of the model that stands for a strand at a hit [1/um].
+    /// Absorption of the scaled model of a strand at a hit [1/um].
     pub(super) fn sigma(&self, hit: &StrandHit, lambda_um: [f32; WAVELENGTHS]) -> [f32; WAVELENGTHS] {
         let larger = self.larger(hit.radius_mm);
         lambda_um.map(|l| larger * self.fiber.sigma_per_um(l))
     }
 
-    /// Whether rays may pass within the width that is met.
+    /// Whether rays may pass within the intersected width.
     pub(super) fn is_limited(&self) -> bool {
         matches!(self.fiber.model, FiberModel::Tabulated(_))
     }
 }
 
-/// Width that is met over the geometric one.
+/// Intersected width over the geometric one.
 fn wider(fiber: &StrandFiber) -> f32 {
     0.5 * fiber.model.max_width_um() / fiber.radius_um()
 }

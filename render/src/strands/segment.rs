@@ -1,29 +1,28 @@
-//! A ray and one segment of a strand, in 64 bits.
+//! Intersection of a ray with one segment of a strand, in 64 bits.
 //!
-//! A host's rays come from a meter away and fibers are a micrometer thick: in 32 bits the offset from the
-//! center line is off by 6 % of the radius there. One segment in 64 bits costs about what it costs in 32, one
-//! at a time, and needs no care.
+//! A host's rays come from a meter away and fibers are a micrometer thick: in 32 bits the error of the offset
+//! from the center line is then 6 % of the radius. A single segment costs about the same in 64 bits as in 32.
 //!
-//! In the ray's frame (the ray is the z axis) the ball of the curve at s is entered at `z(s) - sqrt(Q(s))`,
-//! `Q(s) = r(s)^2 - x(s)^2 - y(s)^2`, where Q is not negative. The tube is the union of the balls, so it is
-//! entered at the least of these; on a straight piece with linear radius Q is a quadratic in s and the least
-//! is in closed form. A spline is taken as 2^depth straight pieces through points of it, which no ray's
-//! direction changes: neighbors share their ends, balls close the turns, and so the tube has no gaps. The
-//! band is met where Q is largest, if that is not negative.
+//! In the ray's frame (the ray is the z axis) the ray enters the ball of the curve at s at
+//! `z(s) - sqrt(Q(s))`, `Q(s) = r(s)^2 - x(s)^2 - y(s)^2`, where Q is not negative. The tube is the union of
+//! the balls, so the ray enters it at the least of these. On a straight piece with linear radius Q is
+//! quadratic in s and the least has a closed form. A spline becomes 2^depth straight pieces between points on
+//! it, independent of the ray: neighbors share their ends and balls close the turns, so the tube has no gaps.
+//! The ray hits the band where Q is largest, if that is not negative.
 
 use super::StrandShape;
 use glam::DVec3;
 
-/// How far the straight pieces of a spline may be from it, over the radius.
+/// Largest distance of a spline's straight pieces from it, relative to the radius.
 pub const TOLERANCE: f64 = 0.02;
-/// Most halvings of a spline's segment.
+/// Largest number of halvings of a spline's segment.
 pub const MAX_DEPTH: u8 = 10;
 
 /// A ray as the z axis of a frame.
 #[derive(Clone, Copy, Debug)]
 pub struct RayFrame {
     pub origin: DVec3,
-    /// Unit.
+    /// Unit direction.
     pub w: DVec3,
     x: DVec3,
     y: DVec3,
@@ -46,7 +45,7 @@ impl RayFrame {
 /// Coefficients of 1, u, u^2, u^3 of a segment of x, y, z, radius.
 pub type Cubic = [[f64; 4]; 4];
 
-/// Of a segment of a uniform cubic B-spline.
+/// Coefficients of a segment of a uniform cubic B-spline.
 #[inline(always)]
 pub fn cubic(p: [[f64; 4]; 4]) -> Cubic {
     let mut c = [[0.0; 4]; 4];
@@ -71,8 +70,8 @@ pub fn slope(c: &Cubic, u: f64) -> [f64; 4] {
     std::array::from_fn(|k| c[1][k] + u * (2.0 * c[2][k] + u * 3.0 * c[3][k]))
 }
 
-/// Where a ray enters the hull of the balls `a` and `b` of linear radius between them: distance along the ray
-/// and s from 0 to 1. Distances up to `after` do not count.
+/// Entry of a ray into the hull of the balls `a` and `b`, with linear radius between them: distance along the
+/// ray, and s from 0 to 1. Distances up to `after` do not count.
 #[inline(always)]
 pub fn tube(a: [f64; 4], b: [f64; 4], after: f64) -> Option<(f64, f64)> {
     let d: [f64; 4] = std::array::from_fn(|k| b[k] - a[k]);
@@ -85,7 +84,7 @@ pub fn tube(a: [f64; 4], b: [f64; 4], after: f64) -> Option<(f64, f64)> {
         (q >= 0.0).then(|| (a[2] + s * d[2] - q.sqrt(), s))
     };
     let hit = if qa < 0.0 {
-        // Q is concave and the entry convex in s: one least value, clamped to the piece.
+        // Q is concave and the entry convex in s, so there is one minimum, clamped to the piece.
         let middle = -0.5 * qb / qa;
         let top = qc + 0.5 * qb * middle;
         if top < 0.0 {
@@ -93,11 +92,11 @@ pub fn tube(a: [f64; 4], b: [f64; 4], after: f64) -> Option<(f64, f64)> {
         }
         let s = middle - d[2] * (top / (qa * (qa - d[2] * d[2]))).sqrt();
         let s = s.max(0.0).min(1.0);
-        // At the rim of Q >= 0 rounding may say less than 0; only a piece that ends before the rim is missed.
+        // At the rim of Q >= 0 rounding may make Q negative; only a piece that ends before the rim is missed.
         at(s).or_else(|| at(middle.max(0.0).min(1.0)))
     } else {
-        // The ray runs along the piece more than across it: the ends, and what lies between where the piece
-        // is longer than one ball in the other.
+        // The ray runs along the piece more than across it: test the ends, and the part between them if
+        // neither ball contains the other.
         let mut best = nearer(at(0.0), at(1.0));
         let length = qa - d[2] * d[2];
         if length < 0.0 {
@@ -120,7 +119,7 @@ pub fn tube(a: [f64; 4], b: [f64; 4], after: f64) -> Option<(f64, f64)> {
     hit.filter(|(z, _)| *z > after)
 }
 
-/// Where a ray passes the band between `a` and `b` that faces it, as [`tube`].
+/// As [`tube`], for the band between `a` and `b` that faces the ray.
 #[inline(always)]
 pub fn band(a: [f64; 4], b: [f64; 4], after: f64) -> Option<(f64, f64)> {
     let d: [f64; 4] = std::array::from_fn(|k| b[k] - a[k]);
@@ -156,7 +155,7 @@ fn off(a: [f64; 4], b: [f64; 4]) -> f64 {
     x * x + y * y
 }
 
-/// How far a segment of a spline reaches and bends, whatever the ray.
+/// Reach and bend of a spline's segment, independent of the ray.
 #[derive(Clone, Copy, Debug)]
 pub struct Extent {
     /// Largest second derivative.
@@ -167,7 +166,7 @@ pub struct Extent {
 }
 
 impl Extent {
-    /// Of the control points. The second derivative is linear, so it is largest at an end.
+    /// Extent of the control points. The second derivative is linear, so it is largest at an end.
     #[inline(always)]
     pub fn from_points(p: &[[f32; 4]; 4]) -> Extent {
         let second = |k: usize| {
@@ -177,8 +176,8 @@ impl Extent {
         let bend = second(0).max(second(1)).sqrt();
         let most = p[0][3].max(p[1][3]).max(p[2][3].max(p[3][3]));
         let least = p[0][3].min(p[1][3]).min(p[2][3].min(p[3][3]));
-        // A tip much thinner than the rest is held to a hundredth of it. A chord over a step d is off by bend
-        // d^2 / 8 at most.
+        // A tip much thinner than the rest counts as a hundredth of it. The error of a chord over a step d is
+        // at most bend d^2 / 8.
         let fine = 8.0 * TOLERANCE * f64::from(least.max(0.01 * most));
         let (mut depth, mut pieces) = (0, 1.0);
         while bend > fine * pieces && depth < MAX_DEPTH {
@@ -189,11 +188,11 @@ impl Extent {
     }
 }
 
-/// Where a ray first meets a segment of a spline: distance beyond `after` and before `before`, and u from 0
+/// First hit of a ray on a segment of a spline: distance beyond `after` and before `before`, and u from 0
 /// to 1.
 pub fn spline(c: &Cubic, extent: Extent, shape: StrandShape, after: f64, before: f64) -> Option<(f64, f64)> {
     let step = 1.0 / f64::from(1u32 << extent.depth);
-    // Each halving takes one entry and leaves two.
+    // Each halving removes one entry and adds two.
     let mut open = [(0u32, 0u32); MAX_DEPTH as usize + 2];
     let mut count = 1;
     open[0] = (0, 1 << extent.depth);

@@ -1,10 +1,10 @@
-//! Path tracing over strands: light sources are sampled and hit, weighed by the power heuristic.
+//! Path tracing over strands: light sources are sampled and hit, weighted by the power heuristic.
 //!
-//! A path that hits a strand leaves it from the place where it was met and does not meet it again before it
-//! is out of it: the model holds all that happens inside. Of a table, some wavelengths of a path may be hit
-//! where others pass (Xia 2020, 6): one of the two is followed, chosen in proportion to what each carries,
-//! and weighed for it; light from a source is weakened by wavelength on its way. The width at a ray's
-//! direction is that of light that comes the other way: extinction is the same both ways.
+//! A path that hits a strand leaves it from the hit point and cannot hit it again before it is outside, since
+//! the model contains all scattering inside. With a table, some wavelengths of a path may hit while others
+//! pass (Xia 2020, 6): one of the two groups is followed, chosen in proportion to its throughput, and
+//! weighted accordingly; light from a source is attenuated by wavelength. The width at a ray's direction is
+//! that of light in the opposite direction, as extinction is the same both ways.
 
 use super::scene::StrandScene;
 use super::{Skip, StrandHit, StrandShape};
@@ -20,10 +20,10 @@ use rand::RngExt;
 use rand_pcg::Pcg64Mcg;
 use std::sync::atomic::AtomicBool;
 
-/// Strands that a ray may pass; a bound against endless loops, not met in practice.
+/// Largest number of strands that a ray passes; a bound against endless loops, not reached in practice.
 const MAX_PASSED: u32 = 100_000;
 
-/// As [`crate::render`], of strands.
+/// As [`crate::render`], for strands.
 ///
 /// # Errors
 /// As [`crate::render`].
@@ -38,14 +38,14 @@ pub fn render_strands(
     render_by(scene, camera, film, options, stop, after)
 }
 
-/// A ray under way.
+/// A ray in flight.
 #[derive(Clone, Debug)]
 pub(super) struct Flight {
     pub origin: DVec3,
     pub direction: DVec3,
-    /// What lies nearer has been passed.
+    /// Distance already passed.
     pub after: f64,
-    /// Strands that it is in.
+    /// Strands that contain the ray's start.
     pub skips: Vec<Skip>,
 }
 
@@ -58,7 +58,7 @@ impl Flight {
         tree.first(self.origin, self.direction, self.after, before, &self.skips)
     }
 
-    /// Goes on behind a hit, as if nothing were there.
+    /// Continues behind a hit, as if nothing were there.
     pub fn pass(&mut self, hit: &StrandHit) {
         self.after = hit.t;
         self.skips.retain(|skip| skip.until > hit.t);
@@ -66,7 +66,7 @@ impl Flight {
         self.skips.push(Skip { strand, until: hit.t + until });
     }
 
-    /// Goes on from a hit in another direction.
+    /// Continues from a hit in another direction.
     fn leave(&mut self, hit: &StrandHit, direction: DVec3) {
         (self.origin, self.direction, self.after) = (hit.position, direction, 0.0);
         self.skips.clear();
@@ -74,7 +74,7 @@ impl Flight {
     }
 }
 
-/// What a path is scattered by: axes, and how it leaves.
+/// Scattering point of a path: axes, and how the path leaves.
 pub(super) struct ScatterPoint {
     pub axes: [DVec3; 3],
     pub from: Leaving,
@@ -201,8 +201,8 @@ impl Tracer for StrandScene {
 }
 
 impl StrandScene {
-    /// Whether a path is scattered where some wavelengths are met and others pass: one of the two is
-    /// followed, in proportion to what it carries.
+    /// Whether a path scatters where some wavelengths hit and others pass: one of the two groups is followed,
+    /// chosen in proportion to its throughput.
     pub(super) fn choose(&self, met: [bool; WAVELENGTHS], throughput: &mut Light4, rng: &mut Pcg64Mcg) -> bool {
         let carried = |of: bool| (0..WAVELENGTHS).filter(|k| met[*k] == of).map(|k| throughput[k]).sum::<f32>();
         let (scattered, straight) = (carried(true), carried(false));
@@ -219,7 +219,7 @@ impl StrandScene {
         true
     }
 
-    /// Normal of a strand towards where a ray comes from.
+    /// Normal of a strand, towards the ray's origin.
     pub(super) fn facing(&self, hit: &StrandHit, direction: DVec3) -> [f32; 3] {
         let across = hit.position - hit.center;
         let across = across - hit.tangent * hit.tangent.dot(across);
@@ -230,7 +230,7 @@ impl StrandScene {
         normal.as_vec3().to_array()
     }
 
-    /// The prop that a ray meets first, and its distance.
+    /// The first prop hit by a ray, and its distance.
     pub(super) fn prop(&self, flight: &Flight) -> Option<(f32, &Prop)> {
         let (origin, direction) = (flight.origin.as_vec3(), flight.direction.as_vec3());
         self.props
@@ -239,7 +239,8 @@ impl StrandScene {
             .min_by(|a, b| a.0.total_cmp(&b.0))
     }
 
-    /// Adds the light of what a ray ends at, if nothing lies before it; whether it ends.
+    /// Adds the light of the source at which a ray ends, if nothing occludes it; returns whether the ray
+    /// ends.
     pub(super) fn emitted(
         &self,
         (origin, direction): (Vec3, Vec3),
@@ -255,7 +256,7 @@ impl StrandScene {
         true
     }
 
-    /// Light from one source at a place, and how the path goes on.
+    /// Light from one source at a point, and the continuation of the path.
     pub(super) fn scatter(
         &self,
         place: &ScatterPoint,
@@ -290,7 +291,7 @@ impl StrandScene {
         (0..WAVELENGTHS).for_each(|k| light[k] += throughput[k] * f[k] * weight * source.radiance[k] * passes[k]);
     }
 
-    /// What comes through from `reach` away.
+    /// Transmission from `reach` away.
     fn passes(&self, mut flight: Flight, reach: f32, lambda: Light4) -> Light4 {
         let (origin, direction) = (flight.origin.as_vec3(), flight.direction.as_vec3());
         let blocks = |prop: &Prop| prop.hit(origin, direction).is_some_and(|t| t < reach);

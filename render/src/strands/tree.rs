@@ -1,4 +1,4 @@
-//! The BVH over the segments of strands, and what a ray meets first.
+//! BVH over the segments of strands, and the hits of rays.
 
 use super::group::{Group, GroupRay, SEGMENTS};
 use super::segment::{Cubic, Extent, RayFrame, band, cubic, point, slope, spline, tube};
@@ -7,12 +7,12 @@ use super::{Basis, StrandShape, Strands};
 use glam::{DVec3, Vec3, Vec3A};
 use obvhs::aabb::Aabb;
 
-/// Rounding of the tree's traversal, over the largest coordinate: boxes grow by it. Slabs are off by some ten
-/// roundings of 6e-8: those of the ray's origin, of the difference, whose size is up to
-/// 3.5 coordinates, and of the product.
+/// Rounding of the tree's traversal, over the largest coordinate: boxes grow by it. The error of slabs is
+/// some ten roundings of 6e-8: those of the ray's origin, of the difference, whose size is up to 3.5
+/// coordinates, and of the product.
 const PAD: f32 = 1.5e-6;
 
-/// Where a group of segments comes from.
+/// Source of a group of segments.
 #[derive(Clone, Copy, Debug)]
 struct Source {
     /// Its first control point.
@@ -22,18 +22,18 @@ struct Source {
     count: u32,
 }
 
-/// What finding a ray's first hit takes.
+/// Cost of finding a ray's first hit.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct TraceCost {
     /// Nodes of the BVH, each with up to four boxes.
     pub nodes: u64,
-    /// Groups of segments whose chords are looked at.
+    /// Groups of segments whose chords are tested.
     pub groups: u64,
     /// Segments that are intersected.
     pub segments: u64,
 }
 
-/// A segment that is met.
+/// A hit on a segment.
 #[derive(Clone, Copy, Debug)]
 struct SegmentHit {
     t: f64,
@@ -49,13 +49,13 @@ pub struct StrandTree {
     shape: StrandShape,
     /// Segments in the order of the tree.
     groups: Vec<Group>,
-    /// The same.
+    /// Sources of the groups, in the same order.
     sources: Vec<Source>,
     boxes: Wide,
     bounds: Aabb,
 }
 
-/// A strand that a ray starts in: it is not met up to this distance.
+/// A strand that a ray starts in: hits up to this distance are skipped.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Skip {
     /// Number of the strand.
@@ -64,22 +64,21 @@ pub struct Skip {
     pub until: f64,
 }
 
-/// What a ray meets of a strand.
+/// Hit of a ray on a strand.
 #[derive(Clone, Copy, Debug)]
 pub struct StrandHit {
     /// Distance along the ray [mm].
     pub t: f64,
-    /// Point where the ray is met [mm]: on the tube, or on the band.
+    /// Hit point [mm]: on the tube, or on the band.
     pub position: DVec3,
     /// Center of the strand there [mm].
     pub center: DVec3,
-    /// Unit tangent, along growing numbers of points.
+    /// Unit tangent, in the order of the control points.
     pub tangent: DVec3,
     /// Radius there [mm].
     pub radius_mm: f64,
-    /// Offset of the ray from the line along the tangent through the center, over the radius, -1 to 1; above
-    /// 0 on the side of growing azimuth about the tangent, as
-    /// [`plywave::FiberQuery::h_rel`] has it.
+    /// Offset of the ray from the line along the tangent through the center, over the radius, -1 to 1;
+    /// positive on the side of growing azimuth about the tangent, as in [`plywave::FiberQuery::h_rel`].
     pub h_rel: f64,
     /// Number of the strand.
     pub strand: u32,
@@ -91,21 +90,20 @@ pub struct StrandHit {
 
 impl StrandHit {
     /// Axes of the fiber: two across it, and the tangent. The first lies in the plane of the tangent and
-    /// `reference`, or anywhere where the two are parallel.
+    /// `reference`; it is arbitrary if the two are parallel.
     pub fn frame(&self, reference: Vec3) -> [DVec3; 3] {
         let x = reference.as_dvec3();
         let x = (x - self.tangent * self.tangent.dot(x)).normalize_or(self.tangent.any_orthonormal_vector());
         [x, self.tangent.cross(x), self.tangent]
     }
 
-    /// Azimuth, about the tangent from the first axis of the frame, of the direction towards where the ray
-    /// comes from [rad].
+    /// Azimuth [rad] of the direction back along the ray, about the tangent from the first axis of the frame.
     pub fn phi(&self, frame: &[DVec3; 3], direction: DVec3) -> f64 {
         (-direction.dot(frame[1])).atan2(-direction.dot(frame[0]))
     }
 
-    /// How far a ray from this place in the unit direction `w` goes before it is out of the strand: until
-    /// then the strand is not met again. The strand counts as straight, and as left after 1000 radii.
+    /// Distance that a ray from this hit in the unit direction `w` travels within the strand, where hits on
+    /// it are skipped. The strand counts as straight, and ends at 1000 radii.
     pub fn leave(&self, w: DVec3) -> Skip {
         let across = |v: DVec3| v - self.tangent * self.tangent.dot(v);
         let (p, d) = (across(self.position - self.center), across(w));
@@ -123,7 +121,7 @@ impl StrandTree {
         StrandTree::by(strands, shape, Wide::new)
     }
 
-    /// Builds a tree of another form over the same strands, split at medians: what a ray meets is the same.
+    /// Builds a tree of another form over the same strands, split at medians, with the same hits.
     pub fn by_medians(strands: Strands, shape: StrandShape) -> StrandTree {
         StrandTree::by(strands, shape, Wide::by_medians)
     }
@@ -138,7 +136,7 @@ impl StrandTree {
             let segments = run.count as usize + 1 - order;
             let groups = segments.div_ceil(SEGMENTS);
             for group in 0..groups {
-                // As equal as they come.
+                // Groups are as equal as possible.
                 let (from, to) = (group * segments / groups, (group + 1) * segments / groups);
                 let first = run.first + from as u32;
                 let mut all = Aabb::empty();
@@ -172,7 +170,7 @@ impl StrandTree {
         &self.strands
     }
 
-    /// What a ray meets of them.
+    /// Shape of the strands for intersection.
     pub fn shape(&self) -> StrandShape {
         self.shape
     }
@@ -182,14 +180,14 @@ impl StrandTree {
         [self.bounds.min.into(), self.bounds.max.into()]
     }
 
-    /// What a ray from `origin` in the unit `direction` meets first, farther than `after` and nearer than
-    /// `before` [mm]; the strands of `skips` only where it is out of them.
+    /// First hit of a ray from `origin` in the unit `direction`, farther than `after` and nearer than
+    /// `before` [mm], except within `skips`.
     pub fn first(&self, origin: DVec3, direction: DVec3, after: f64, before: f64, skips: &[Skip]) -> Option<StrandHit> {
         let met = self.nearest::<false>(origin, direction, after, before, skips, &mut TraceCost::default())?;
         Some(self.hit(origin, direction, met))
     }
 
-    /// What finding the first hit of a ray takes.
+    /// Cost of finding the first hit of a ray.
     pub fn cost(&self, origin: DVec3, direction: DVec3) -> TraceCost {
         let mut cost = TraceCost::default();
         self.nearest::<true>(origin, direction, 0.0, f64::INFINITY, &[], &mut cost);
@@ -227,8 +225,7 @@ impl StrandTree {
                 let first = source.first + near.trailing_zeros();
                 near &= near - 1;
                 cost.segments += u64::from(COUNT);
-                // Equal distances go to the segment that was given first, in whatever order the tree comes
-                // by.
+                // At equal distances the first segment in input order wins, whatever the order of traversal.
                 let most = best.map_or(before, |best| best.t + best.t.abs() * f64::EPSILON);
                 let Some((t, u)) = self.meet(&frame, first, after, most) else { continue };
                 if best.map_or(t < before, |best| t < best.t || t == best.t && first < best.first) {
@@ -244,10 +241,9 @@ impl StrandTree {
         best
     }
 
-    /// All that a ray meets farther than `after` and nearer than `before` [mm], the nearest first: a strand
-    /// is met again only where the ray has been out of it ([`StrandHit::leave`]); the strands of `skips` only
-    /// where it is out of them. What was in `found` is dropped. One traversal, where [`StrandTree::first`]
-    /// takes one a strand.
+    /// All hits of a ray farther than `after` and nearer than `before` [mm], the nearest first, except within
+    /// `skips`. A strand is hit again only after the ray has left it ([`StrandHit::leave`]). Replaces the
+    /// contents of `found`. Takes one traversal; [`StrandTree::first`] takes one per strand.
     pub fn each(
         &self,
         origin: DVec3,
@@ -277,8 +273,8 @@ impl StrandTree {
                 let first = source.first + near.trailing_zeros();
                 near &= near - 1;
                 let mut after = after_skips(after, skips, source.strand);
-                // A bent segment is entered more than once: all of it, since which of them count is known
-                // only when those of its neighbors are.
+                // A bent segment may be entered more than once. All entries are kept, since those that count
+                // are known only with the neighbors' entries.
                 while let Some((t, u)) = self.meet(&frame, first, after, before).filter(|(t, _)| *t < before) {
                     found.push(self.hit(origin, direction, SegmentHit { t, u, first, strand: source.strand }));
                     after = t;
@@ -299,7 +295,7 @@ impl StrandTree {
         });
     }
 
-    /// Distances between which a ray is in the box of all.
+    /// Range of distances in which a ray is in the box of all strands.
     fn reach(&self, origin: DVec3, direction: DVec3) -> Option<[f64; 2]> {
         let (mut from, mut to) = (f64::NEG_INFINITY, f64::INFINITY);
         for k in 0..3 {
@@ -314,12 +310,12 @@ impl StrandTree {
             from = from.max(a.min(b));
             to = to.min(a.max(b));
         }
-        // A part in 1e12 for the roundings of the divisions.
+        // Slack of 1e-12 for the roundings of the divisions.
         let slack = 1e-12 * (from.abs() + to.abs());
         (from <= to + slack && !self.sources.is_empty()).then_some([from - slack, to + slack])
     }
 
-    /// Where a ray meets the segment of a first control point, farther than `after` and up to `before`.
+    /// Hit of a ray on the segment of a first control point, farther than `after` and up to `before`.
     #[inline(always)]
     fn meet(&self, frame: &RayFrame, first: u32, after: f64, before: f64) -> Option<(f64, f64)> {
         let points = &self.strands.points()[first as usize..];
@@ -350,7 +346,8 @@ impl StrandTree {
             }
             Basis::BSpline => {
                 let c: Cubic = cubic(std::array::from_fn(|k| wide(points[k])));
-                // Where the curve stands still, as at three equal points, it goes on as it came.
+                // Where the derivative vanishes, as at three equal points, the tangent continues the previous
+                // direction.
                 let mut along = slope(&c, u);
                 if DVec3::new(along[0], along[1], along[2]).length_squared() < 1e-24 {
                     let (a, b) = (point(&c, 0.0), point(&c, 1.0));
@@ -363,33 +360,32 @@ impl StrandTree {
         let radius_mm = at[3];
         let tangent = DVec3::new(along[0], along[1], along[2]).normalize_or(direction.any_orthonormal_vector());
         let position = origin + direction * t;
-        // Unit vector across the ray and the strand: the side of growing azimuth of the direction to where
-        // the ray comes from.
+        // Unit vector across the ray and the strand: the side of growing azimuth of the direction back along
+        // the ray.
         let side = direction.cross(tangent).normalize_or(tangent.any_orthonormal_vector());
         let h_rel = ((position - center).dot(side) / radius_mm).clamp(-1.0, 1.0);
         StrandHit { t, position, center, tangent, radius_mm, h_rel, strand, first_point: first, u }
     }
 }
 
-/// The tree's ray between two distances: where it starts, and the distance from there up to which it counts.
-/// It starts where the box of all begins, so that its roundings are those of the strands' coordinates,
-/// however far off the ray comes from.
+/// The tree's ray between two distances: its start, and its length. It starts at the box of all strands, so
+/// that its roundings are those of the strands' coordinates, however far away the ray's origin is.
 fn start_of(origin: DVec3, direction: DVec3, from: f64, to: f64) -> (f64, Vec3, f32) {
     let start = from.max(0.0);
     (start, (origin + direction * start).as_vec3(), above((to - start) as f32))
 }
 
-/// Distance beyond which a strand is met.
+/// Distance beyond which a strand can be hit.
 fn after_skips(after: f64, skips: &[Skip], strand: u32) -> f64 {
     skips.iter().filter(|skip| skip.strand == strand).fold(after, |after, skip| after.max(skip.until))
 }
 
-/// The next larger number, twice over.
+/// The second next larger number.
 fn above(x: f32) -> f32 {
     x.next_up().next_up()
 }
 
-/// Box of a segment: that of its Bezier points, which lie closer than those of the spline, and the radius.
+/// Box of a segment, from its Bezier points, which lie closer than those of the spline, and the radius.
 fn aabb(p: &[[f32; 4]]) -> Aabb {
     let radius = p.iter().map(|p| p[3]).fold(0.0, f32::max);
     let v = |k: usize| DVec3::new(f64::from(p[k][0]), f64::from(p[k][1]), f64::from(p[k][2]));

@@ -1,31 +1,31 @@
-//! A BVH with four boxes a node, in 32 bits as they are: two lines of the cache, and three subtractions and
-//! products of four numbers for each end of the slabs.
+//! A BVH with four boxes per node in plain 32-bit floats: two cache lines per node, and three subtractions
+//! and products of four numbers for each end of the slabs.
 //!
-//! obvhs builds the binary tree; its traversal of eight boxes in 8 bits takes less memory, but unpacks 48
-//! bytes a node one by one where only SSE2 is there.
+//! obvhs builds the binary tree; its traversal of eight 8-bit boxes takes less memory, but with SSE2 alone it
+//! unpacks 48 bytes per node one by one.
 
 use crate::bvh;
 use glam::{Vec3, Vec4};
 use obvhs::aabb::Aabb;
 use obvhs::bvh2::Bvh2;
 
-/// Marks a leaf; two bits for its number of primitives less one, the rest for the first.
+/// Marks a leaf; two bits for its number of primitives minus one, the rest for the first.
 const LEAF: u32 = 1 << 31;
 const COUNT_SHIFT: u32 = 29;
 const INDEX: u32 = (1 << COUNT_SHIFT) - 1;
-/// Most primitives of a leaf.
+/// Largest number of primitives of a leaf.
 const MAX_IN_LEAF: u32 = 4;
-/// What testing a node costs, over testing a primitive.
+/// Cost of testing a node relative to testing a primitive.
 const NODE_COST: f32 = 1.0;
-/// Most levels: each takes three entries of the traversal's stack.
+/// Largest number of levels: each takes three entries of the traversal's stack.
 const MAX_LEVELS: usize = 31;
 const STACK: usize = 3 * MAX_LEVELS + 3;
 /// Room for two roundings of a slab's far end.
 const ROOM: f32 = 1.0 + 4e-7;
-/// Components of directions below count as that.
+/// Least magnitude of components of directions.
 const MIN: f32 = 1e-12;
 
-/// Four boxes by axis, and where they lead. Boxes that are not there are inside out.
+/// Four boxes by axis, and their children. Absent boxes are inside out.
 #[derive(Clone, Copy, Debug)]
 #[repr(C, align(64))]
 struct Node {
@@ -38,19 +38,19 @@ struct Node {
 #[derive(Clone, Debug)]
 pub struct Wide {
     nodes: Vec<Node>,
-    /// Numbers of the boxes that it was built over.
+    /// Indices of the input boxes.
     pub order: Vec<u32>,
 }
 
 impl Wide {
-    /// Over boxes, at most 2^29.
+    /// Builds a tree over boxes, at most 2^29.
     pub fn new(boxes: &[Aabb]) -> Wide {
         Wide::collapse(&bvh::binary(boxes), boxes).unwrap_or_else(|| Wide::by_medians(boxes))
     }
 
-    /// Split at medians: a tree of another form.
+    /// Builds a tree of another form, split at medians.
     pub fn by_medians(boxes: &[Aabb]) -> Wide {
-        // At most 29 levels, which fit.
+        // It has at most 29 levels, which fit.
         Wide::collapse(&bvh::binary_by_medians(boxes), boxes).unwrap_or(Wide { nodes: Vec::new(), order: Vec::new() })
     }
 
@@ -90,10 +90,10 @@ impl Wide {
         Some(wide)
     }
 
-    /// Calls `visit` with the number of a primitive, in the tree's order, and the distance up to which things
-    /// matter, for all whose box a ray meets up to that; `visit` gives the new distance. `ahead` hears of the
-    /// first primitive of a leaf before that, when it may begin to fetch it. Gives the number of nodes
-    /// tested.
+    /// Calls `visit` with the index of a primitive, in the tree's order, and the largest distance that
+    /// matters, for each primitive whose box the ray hits up to that distance; `visit` returns the new
+    /// distance. `ahead` is called with the first primitive of a leaf earlier, for a prefetch. Returns the
+    /// number of tested nodes.
     #[inline(always)]
     pub fn traverse(
         &self,
@@ -133,7 +133,7 @@ impl Wide {
                     break;
                 }
                 let from = from.to_array();
-                // The nearest goes on, the others wait with the nearest on top.
+                // Continue with the nearest; push the others with the nearest on top.
                 let first = met.trailing_zeros() as usize;
                 met &= met - 1;
                 let mut nearest = (from[first], node.children[first]);
@@ -145,7 +145,7 @@ impl Wide {
                     if other.0 < nearest.0 {
                         std::mem::swap(&mut other, &mut nearest);
                     }
-                    // Rays mostly wait for memory: what is looked at later is fetched meanwhile.
+                    // Rays mostly wait for memory, so later nodes are prefetched.
                     if other.1 & LEAF == 0 {
                         prefetch(&self.nodes, other.1 as usize);
                     } else {
@@ -177,8 +177,8 @@ impl Node {
     const EMPTY: Node = Node { low: [Vec4::INFINITY; 3], high: [Vec4::NEG_INFINITY; 3], children: [0; 4] };
 }
 
-/// Asks for the first and the last cache line of an element that is read soon; does nothing where it does not
-/// exist, or where the processor cannot be asked.
+/// Prefetches the first and the last cache line of an element; does nothing if it does not exist or the
+/// processor has no such instruction.
 #[inline(always)]
 pub fn prefetch<T>(of: &[T], at: usize) {
     #[cfg(target_arch = "x86_64")]
@@ -186,7 +186,7 @@ pub fn prefetch<T>(of: &[T], at: usize) {
         use std::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
         let first: *const i8 = std::ptr::from_ref(x).cast();
         let last = first.wrapping_add(size_of::<T>().saturating_sub(1));
-        // SAFETY: it changes no memory and reads none, and both addresses are within the element.
+        // SAFETY: a prefetch neither changes nor reads memory, and both addresses are within the element.
         #[allow(unsafe_code)]
         unsafe {
             _mm_prefetch::<_MM_HINT_T0>(first);
@@ -197,7 +197,7 @@ pub fn prefetch<T>(of: &[T], at: usize) {
     let _ = (of, at);
 }
 
-/// Which nodes of a binary tree become leaves, by the area that rays meet.
+/// Choice of the binary tree's nodes that become leaves, by surface area.
 struct Plan {
     is_leaf: Vec<bool>,
 }
@@ -205,7 +205,7 @@ struct Plan {
 impl Plan {
     fn new(tree: &Bvh2) -> Plan {
         let n = tree.nodes.len();
-        // Children before parents.
+        // Visit children before parents.
         let (mut order, mut open) = (Vec::with_capacity(n), vec![0usize]);
         while let Some(at) = open.pop() {
             order.push(at);
@@ -222,7 +222,7 @@ impl Plan {
                 (node.prim_count, f32::INFINITY)
             } else {
                 let [a, b] = [node.first_index as usize, node.first_index as usize + 1];
-                // Of the binary tree's nodes a third becomes a node of four.
+                // A third of the binary tree's nodes become nodes of four.
                 (count[a] + count[b], cost[a] + cost[b] + NODE_COST / 3.0 * area)
             };
             let whole = if all <= MAX_IN_LEAF { area * all as f32 } else { f32::INFINITY };
@@ -231,8 +231,8 @@ impl Plan {
         Plan { is_leaf }
     }
 
-    /// Up to four children of a node: the largest that is no leaf is opened until there are four. A leaf is
-    /// its own only child.
+    /// Up to four children of a node: the largest inner one is opened until there are four. A leaf is its own
+    /// only child.
     fn children(&self, tree: &Bvh2, at: usize) -> ([usize; 4], usize) {
         let mut list = [at; 4];
         let mut count = 1;
@@ -248,7 +248,7 @@ impl Plan {
         (list, count)
     }
 
-    /// Adds the primitives below a node.
+    /// Appends the primitives below a node.
     fn gather(&self, tree: &Bvh2, at: usize, order: &mut Vec<u32>) {
         let mut open = vec![at];
         while let Some(at) = open.pop() {

@@ -1,4 +1,4 @@
-//! The words of pbrt's text, in one pass: texts in quotes, brackets, all else; comments are left out.
+//! Tokens of pbrt's text, in one pass: quoted strings, brackets, other words; without comments.
 
 /// A word.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -10,7 +10,7 @@ pub enum Word<'a> {
 }
 
 impl Word<'_> {
-    /// For messages.
+    /// The word for messages.
     pub fn shown(&self) -> String {
         match self {
             Word::Quoted(text) | Word::Bare(text) => shown(text),
@@ -20,12 +20,12 @@ impl Word<'_> {
     }
 }
 
-/// A text in quotes, cut to a length for messages.
+/// A quoted string, truncated for messages.
 pub fn shown(text: &[u8]) -> String {
     format!("{:?}", super::how::cut(&String::from_utf8_lossy(text)))
 }
 
-/// Where a reader is in a text.
+/// Position of a reader in a text.
 #[derive(Clone, Copy, Debug)]
 pub struct Words<'a> {
     bytes: &'a [u8],
@@ -40,7 +40,7 @@ impl<'a> Words<'a> {
         Words { bytes, at: if bytes.starts_with(mark) { mark.len() } else { 0 }, line: 1 }
     }
 
-    /// The next word, if there is one. A word never goes over the end of a line.
+    /// The next word, if there is one. A word never spans lines.
     pub fn next(&mut self) -> Result<Option<Word<'a>>, String> {
         loop {
             match self.bytes.get(self.at) {
@@ -79,7 +79,7 @@ impl<'a> Words<'a> {
         }))
     }
 
-    /// The next word, without going on to it.
+    /// The next word, without advancing.
     pub fn peek(&self) -> Result<Option<Word<'a>>, String> {
         let mut ahead = *self;
         ahead.next()
@@ -89,7 +89,7 @@ impl<'a> Words<'a> {
         self.bytes[from..].iter().position(|b| end(*b)).map_or(self.bytes.len(), |n| from + n)
     }
 
-    /// The text in quotes that `of` takes.
+    /// The quoted string argument of `of`.
     pub fn quoted(&mut self, of: &[u8]) -> Result<&'a [u8], String> {
         match self.next()? {
             Some(Word::Quoted(text)) => Ok(text),
@@ -98,7 +98,7 @@ impl<'a> Words<'a> {
         }
     }
 
-    /// The `N` numbers that `of` takes, in brackets or without.
+    /// The `N` numbers of `of`, with or without brackets.
     pub fn numbers<const N: usize>(&mut self, of: &[u8]) -> Result<[f64; N], String> {
         let in_brackets = self.peek()? == Some(Word::Open);
         if in_brackets {
@@ -133,7 +133,7 @@ impl<'a> Words<'a> {
         Ok(())
     }
 
-    /// Passes over what follows a statement: texts, numbers, truths, and what stands in brackets.
+    /// Skips the arguments of a statement: strings, numbers, booleans, and brackets.
     pub fn pass(&mut self) -> Result<(), String> {
         let mut depth = 0u32;
         while let Some(word) = self.peek()? {

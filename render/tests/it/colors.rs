@@ -1,4 +1,4 @@
-//! Colors that are asked for come back by render: in each meaning, of the fabrics that ship.
+//! Renders reproduce requested colors, in each meaning, for the shipped fabrics.
 
 use glam::Vec3;
 use plywave::color::{SmoothReflectance, delta_e_2000, white_d65, xyz_of_reflectance};
@@ -14,11 +14,11 @@ const FABRICS: [&str; 5] = ["polyester_satin", "cotton_twill", "silk_organza", "
 const MEANINGS: [ColorOf; 3] = [ColorOf::EvenSky, ColorOf::Reflected, ColorOf::Folded];
 /// Width of the sheets [mm].
 const SIZE_MM: f32 = 2000.0;
-/// Sheets of the pile, and from one to the next [mm].
+/// Number of sheets in the pile, and their distance [mm].
 const SHEETS: usize = 12;
 const APART_MM: f32 = 2.0;
 
-/// Sheets above each other, every second with its back up.
+/// Sheets above each other, every second one with its back up.
 fn pile() -> Mesh {
     let mut pile = Mesh::flat(SIZE_MM);
     for k in 1..SHEETS {
@@ -67,7 +67,7 @@ fn direction(k: usize) -> Vec3 {
     view(((k as f32 + 0.5) / VIEWS as f32).sqrt(), 0.381_966 * (k as f32 + 0.3))
 }
 
-/// Of a color, what a render gives.
+/// Rendered color of a fabric in a meaning.
 fn rendered(fabric: &FabricModel, of: ColorOf, straight: &[f64; VIEWS], samples: u32) -> [f64; 3] {
     let (mesh, sky, depth) = match of {
         ColorOf::EvenSky => (Mesh::flat(SIZE_MM), Environment::constant(1.0), 2),
@@ -76,14 +76,14 @@ fn rendered(fabric: &FabricModel, of: ColorOf, straight: &[f64; VIEWS], samples:
     };
     let scene = Scene::new(mesh, Vec::new(), sky);
     if of == ColorOf::Folded {
-        // By 8, 12 and, of cotton plain, 24 times the samples the five differences are the same to 0.01.
-        // Where samples weighed more by chance, 16 told 2.01 and 1.92 by seed.
+        // By 8, 12 and, of cotton plain, 24 times the samples the five differences are the same to 0.01. With
+        // weights that varied more, 16 times gave 2.01 and 1.92 by seed.
         return seen(&scene, view(0.990_268, 0.1), fabric, (32, 8 * samples, depth), 5);
     }
     let mut sum = [0.0; 3];
     for k in 0..VIEWS {
         let xyz = seen(&scene, direction(k), fabric, (32, samples / VIEWS as u32, depth), 7 + k as u64);
-        // Sky that is seen through gaps is no color of the cloth.
+        // Sky seen through gaps is not a color of the cloth.
         let through = if of == ColorOf::EvenSky { straight[k] } else { 0.0 };
         let white = white_d65();
         (0..3).for_each(|i| sum[i] += (xyz[i] - through * white[i]) / VIEWS as f64);
@@ -107,8 +107,8 @@ fn straight(fabric: &FabricModel) -> [f64; VIEWS] {
     })
 }
 
-/// CIEDE2000 between colors that are asked of a fabric and their renders, in every meaning; colors in reach,
-/// a third of them in folds, whose light takes most of the time.
+/// CIEDE2000 between requested colors of a fabric and their renders, in every meaning; reachable colors, a
+/// third of them in folds, whose light takes most of the time.
 fn differences(name: &str, colors: usize, samples: u32) {
     let mut worst = 0.0f64;
     let path = format!("{}/../fabrics/{name}.toml", env!("CARGO_MANIFEST_DIR"));

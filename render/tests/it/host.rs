@@ -1,5 +1,5 @@
-//! The host itself, with surfaces whose light is known: a white diffuse sheet in a white room, a half
-//! transparent one, light sources.
+//! Tests of the host with surfaces of known light: a white diffuse sheet in a white room, a half transparent
+//! one, light sources.
 
 use plywave::bsdf::{DirectionSample, Outcomes};
 use plywave::{Bsdf, BsdfSample};
@@ -9,14 +9,14 @@ use plywave_render::{
 use std::f32::consts::{PI, TAU};
 use std::sync::atomic::AtomicBool;
 
-/// Reflects a share `up` of the light and lets `down` through, both diffuse.
+/// Surface that reflects a share `up` of the light and transmits `down`, both diffuse.
 #[derive(Clone, Copy)]
 struct Diffuse {
     up: f32,
     down: f32,
 }
 
-/// Of a [`Diffuse`] sheet seen from one side.
+/// A [`Diffuse`] sheet seen from one side.
 struct At(Diffuse, f32);
 
 impl At {
@@ -89,7 +89,7 @@ fn a_white_sheet_in_a_white_room_is_white() {
         let y = middle(Setup::Furnace, &Diffuse { up, down }, 64);
         assert!((y - 1.0).abs() < 0.01, "up {up}, down {down}: {y}");
     }
-    // The wavelengths drawn make the noise: some 0.1 a sample, of 64 pixels with 512 samples.
+    // The noise comes from the drawn wavelengths: some 0.1 per sample, over 64 pixels with 512 samples.
     let y = middle(Setup::Furnace, &Diffuse { up: 0.3, down: 0.2 }, 512);
     assert!((y - 0.5).abs() < 0.003, "{y}");
 }
@@ -191,7 +191,7 @@ fn first_hits_have_their_normal_depth_and_albedo() {
     assert!(beside > 20, "{beside}");
 }
 
-/// The variance that a film tells is that of pixels rendered again with other seeds.
+/// The variance of a film is that of pixels rendered again with other seeds.
 #[test]
 fn variance_is_that_of_the_mean() {
     let surface = Diffuse { up: 0.0, down: 0.5 };
@@ -261,7 +261,7 @@ fn exr_files_tell_what_they_are_of() {
     for name in ["R", "albedo.G", "normal.X", "depth.Z", "variance.B"] {
         assert!(names.contains(&name), "{name} of {names:?}");
     }
-    // The layers hold what the film tells.
+    // The layers have the film's values.
     let image = exr::prelude::read_all_flat_layers_from_file;
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("a.exr"), &bytes).unwrap();
@@ -324,15 +324,14 @@ fn films_too_large_for_memory_are_refused() {
     assert!(error.contains("GiB of memory"), "{error}");
 }
 
-/// A mesh of `tests/data/field` in a scene, 20 mm wide, and what was done to it.
+/// A mesh of `tests/data/field` in a scene, 20 mm wide, and its notes.
 fn field(name: &str) -> (Scene, MeshNotes) {
     let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../tests/data/field").join(name);
     let (mesh, notes) = Mesh::obj(&path, 1e5, 20.0).unwrap();
     (Scene::new(mesh, Vec::new(), Environment::constant(1.0)), notes)
 }
 
-/// Meshes as they come from the field, looked at along -z: the share of the square that they cover, and no
-/// face left out.
+/// Meshes from the field, seen along -z: the share of the square that they cover, and no omitted face.
 #[test]
 fn meshes_of_the_field_are_whole() {
     for (name, want) in [
@@ -352,8 +351,8 @@ fn meshes_of_the_field_are_whole() {
     }
 }
 
-/// A tube of 16 sides whose uv end where it is seen, and the same with the seam behind: its normals at the
-/// corners are radii, and so are those mixed of them.
+/// A tube of 16 sides with a visible uv seam, and the same with the seam behind: its normals at the corners
+/// are radii, and so are interpolated ones.
 #[test]
 fn normals_go_on_over_a_seam() {
     for name in ["tube.obj", "tube_turned.obj"] {
@@ -369,8 +368,8 @@ fn normals_go_on_over_a_seam() {
     }
 }
 
-/// Folds of a white sheet in a white room lack what a cut leaves out, which the film tells; with the most
-/// scatterings nothing is lacking.
+/// Folds of a white sheet in a white room lack the light that a cut omits, which the film reports; with the
+/// largest number of scatterings nothing is missing.
 #[test]
 fn cuts_tell_what_they_leave_out() {
     let (mut scene, camera) = Setup::Folds.scene(20.0, None, Some(Environment::constant(1.0)));

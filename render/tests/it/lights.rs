@@ -1,7 +1,7 @@
 //! Every lamp and sky against a closed form: light on a diffuse sheet by its irradiance (of rectangles,
 //! Lambert's formula for polygons; of a sky's texel, the integral of the cosine), light in a narrow lobe by
-//! the radiance that it sees, a fabric by what it is alike in. Each by directions drawn from the lights, by
-//! scattering, and by both, within five standard errors that are computed from the picture's own pixels.
+//! its radiance, a fabric by comparison of strategies. Each by directions drawn from the lights, by
+//! scattering, and by both, within five standard errors computed from the picture's own pixels.
 
 use glam::{DVec3, Vec3};
 use plywave::bsdf::{DirectionSample, Outcomes};
@@ -17,13 +17,13 @@ use std::sync::atomic::AtomicBool;
 
 const WAYS: [LightSampling; 3] = [LightSampling::Both, LightSampling::Sources, LightSampling::Scattering];
 const RADIANCES: [f32; 3] = [0.01, 1.0, 100.0];
-/// Pixels along a side of a picture, all of the same place.
+/// Pixels along a side of a picture, all of the same point.
 const SIDE: u32 = 24;
 
 /// A sheet without color.
 #[derive(Clone, Copy)]
 enum Sheet {
-    /// Reflects a share `up` of the light and lets `down` through, both by Lambert's law.
+    /// Reflects a share `up` of the light and transmits `down`, both by Lambert's law.
     Diffuse { up: f32, down: f32 },
     /// Reflects a share of the light evenly into a cone about the mirror's direction, whose half-angle has
     /// this cosine.
@@ -33,7 +33,7 @@ enum Sheet {
 struct At(Sheet, [f32; 3]);
 
 impl At {
-    /// Of light from `w`: what is scattered, times the cosine, and the density.
+    /// For light from `w`: the scattered light times the cosine, and the density.
     fn value(&self, w: [f32; 3]) -> (f32, f32) {
         let wo = self.1;
         match self.0 {
@@ -115,8 +115,7 @@ fn statistics(film: &Film) -> [(f64, f64); 3] {
     })
 }
 
-/// Straight down on the sheet's middle, and from 45 degrees beside it; so narrow that all pixels see the
-/// same.
+/// Cameras straight above the sheet's middle, and at 45 degrees; so narrow that all pixels see the same.
 fn cameras() -> [Camera; 2] {
     [Vec3::new(0.0, 0.0, 10.0), Vec3::new(-10.0, 0.0, 10.0)].map(|from| Camera::new(from, Vec3::ZERO, Vec3::Y, 1e-4))
 }
@@ -132,7 +131,7 @@ fn assert_seen(what: &str, got: [(f64, f64); 3], want: [f64; 3]) {
     let largest = want.into_iter().fold(0.0, f64::max);
     for (c, ((mean, se), want)) in got.into_iter().zip(want).enumerate() {
         assert!((mean - want).abs() <= 5.0 * se, "{what}, channel {c}: {mean}, want {want}, standard error {se}");
-        // More noise would hide what is wrong.
+        // More noise would hide errors.
         assert!(se < 0.05 * largest, "{what}, channel {c}: standard error {se} of {largest}");
     }
 }
@@ -177,7 +176,7 @@ fn skies_of_one_radiance_light_a_sheet_by_it() {
                 let scene = |sky| scene(&[], &sky, way);
                 let sky = scene(Environment::constant(radiance));
                 assert_seen(&what("sky, diffuse"), seen(&sky, camera, &GRAY, 16), [0.8 * l; 3]);
-                // Of directions from a whole sky one in a hundred is in the cone.
+                // One in a hundred directions of a whole sky is in the cone.
                 let samples = if way == LightSampling::Sources { 128 } else { 16 };
                 assert_seen(&what("sky, cone"), seen(&sky, camera, &CONE, samples), [0.8 * l; 3]);
                 let above = scene(Environment::above(radiance));
@@ -216,7 +215,7 @@ fn suns_light_a_sheet_by_their_texel() {
             let sky = Environment::picture(width, texels).unwrap();
             let want = f64::from(radiance) / PI * (0.5 * up + 0.3 * under);
             for way in WAYS {
-                // By scattering alone a small sun is met too seldom.
+                // By scattering alone a small sun is hit too rarely.
                 if way == LightSampling::Scattering && up + under < 0.03 * PI {
                     continue;
                 }
@@ -312,7 +311,7 @@ fn rectangles_light_a_sheet_by_their_irradiance() {
     }
 }
 
-/// A lamp hides what is behind it, lamps and the sky, and is not there from behind, in all ways alike.
+/// A lamp occludes lamps and sky behind it and is invisible from behind, with all strategies alike.
 #[test]
 fn lamps_and_a_sky_add_up() {
     let [_, beside] = cameras();
@@ -333,8 +332,8 @@ fn lamps_and_a_sky_add_up() {
     }
 }
 
-/// A fabric: white under a sky all round, its light in proportion to the sky's and the sum of that of the
-/// sky's colors; under lamps and suns the same in all ways.
+/// A fabric is white under an even sky, and its light is linear in the sky's; under lamps and suns all
+/// strategies agree.
 #[test]
 fn fabrics_are_lit_in_proportion_and_alike_in_all_ways() {
     let path = format!("{}/../fabrics/cotton_plain.toml", env!("CARGO_MANIFEST_DIR"));
@@ -385,8 +384,8 @@ fn fabrics_are_lit_in_proportion_and_alike_in_all_ways() {
     }
 }
 
-/// Strands find light by the same lamps and skies: a floor beside them is lit by its irradiance, a fiber
-/// alike in all ways.
+/// Strands use the same lamps and skies: a floor beside them is lit by its irradiance, and a fiber alike with
+/// all strategies.
 #[test]
 #[ignore = "slow: 5 s: strands and floors beside them are lit the same way"]
 fn strands_and_floors_beside_them_are_lit_the_same_way() {

@@ -1,4 +1,4 @@
-//! Tests of the reference host. One program, so that they share what is loaded.
+//! Tests of the reference host. One program, so that they share loaded data.
 
 mod colors;
 mod host;

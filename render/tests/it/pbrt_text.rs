@@ -1,5 +1,5 @@
-//! pbrt's text against closed forms: where transforms, blocks, objects and included files put a curve, how
-//! thick it is there, and what is said of what is not taken.
+//! pbrt's text against closed forms: position and radius of a curve by transforms, blocks, objects and
+//! included files, and notes on ignored input.
 
 use plywave_render::{Basis, MIN_RADIUS_MM, StrandFile, StrandNotes, Strands};
 use std::path::{Path, PathBuf};
@@ -58,7 +58,7 @@ fn transforms_move_and_scale() {
         ),
         ("Translate 1 1 1 Transform [2 0 0 0 0 2 0 0 0 0 2 0 1 0 0 1]", [[3.0, 4.0, 6.0, 1.0], [3.0, 4.0, 18.0, 0.1]]),
         ("Scale 9 9 9 Identity", PLAIN),
-        // From (0, 0, -5) along +z with y up, pbrt's camera space has x, y and z as they are.
+        // From (0, 0, -5) along +z with y up, pbrt's camera space keeps x, y and z.
         ("LookAt 0 0 -5  0 0 0  0 1 0", [[1.0, 2.0, 8.0, 0.5], [1.0, 2.0, 14.0, 0.05]]),
         // Along +x with z up: depth is x, up is z, and the right, of a left-handed space, is y.
         ("LookAt 0 0 0  1 0 0  0 0 1", [[2.0, 3.0, 1.0, 0.5], [2.0, 9.0, 1.0, 0.05]]),
@@ -66,7 +66,7 @@ fn transforms_move_and_scale() {
             "Translate 5 0 0 CoordinateSystem \"here\" Scale 9 9 9 CoordSysTransform \"here\"",
             [[6.0, 2.0, 3.0, 0.5], [6.0, 2.0, 9.0, 0.05]],
         ),
-        // The camera's space is the inverse of what stands before it; the world begins anew.
+        // The camera's space is the inverse of the transforms before it; the world resets them.
         ("Translate 0 0 -4 Camera \"perspective\" \"float fov\" [ 30 ] WorldBegin", PLAIN),
         (
             "Translate 0 0 -4 Camera \"perspective\" WorldBegin CoordSysTransform \"camera\"",
@@ -92,7 +92,7 @@ fn statements_stand_anywhere_on_a_line() {
     );
     let moved = [[2.0, 2.0, 3.0, 0.5], [2.0, 2.0, 9.0, 0.05]];
     assert_ends(&text, &[PLAIN, PLAIN, moved, moved]);
-    // Statements that are no geometry, of pbrt-v2 to -v4, with words of geometry in their texts.
+    // Statements without geometry, of pbrt-v2 to -v4, with words of geometry in their strings.
     let passed = "Option \"disablepixeljitter\" true Film \"rgb\" \"string filename\" [ \"Shape Translate 1 2 3\" ] \"integer x\" 3\nMakeNamedMaterial \"hair\" \"string type\" \"hair\" \"rgb color\" [ .1 .2 .3 ]\nSurfaceIntegrator \"path\"\nMediumInterface \"a\" \"b\" MediumInterface \"\"\nTexture \"t\" \"spectrum\" \"imagemap\" \"bool invert\" true\nLightSource \"distant\" \"point3 from\" [ 1 2 3 ]\nTransformTimes 0 1\nColorSpace \"aces2065-1\"\nWorldBegin Attribute \"light\" \"float scale\" 2\n";
     let notes = assert_ends(&line(passed), &[PLAIN]);
     assert_eq!(notes, StrandNotes::default());
@@ -177,7 +177,7 @@ fn objects_are_put_where_their_instances_are() {
     // The object's own transform holds the one that it was defined under.
     let a = |x: f64| [[x, 4.0, 206.0, 1.0], [x, 4.0, 218.0, 0.1]];
     assert_ends(&object, &[PLAIN, a(4.0), a(24.0)]);
-    // Nothing is shown of an object without instances; objects within objects.
+    // An object without instances is invisible; nested objects.
     let nested = format!(
         "ObjectBegin \"a\" {} ObjectEnd ObjectBegin \"b\" Translate 0 1 0 ObjectInstance \"a\" ObjectInstance \"a\" ObjectEnd
          Rotate 90 0 0 1 ObjectInstance \"b\"",
@@ -302,7 +302,7 @@ fn bad_statements_are_refused_by_line() {
     }
 }
 
-/// Objects within objects that would be more strands than memory holds end in one line, soon.
+/// Nested objects with more strands than fit in memory are soon refused in one line.
 #[test]
 fn objects_do_not_grow_without_end() {
     let mut text = "ObjectBegin \"0\" ObjectEnd\n".to_string();
@@ -314,7 +314,7 @@ fn objects_do_not_grow_without_end() {
     assert!(error.contains("instances"), "{error}");
 }
 
-/// A hundred thousand curves take a time that only a linear reader meets.
+/// A hundred thousand curves are read in a time that only a linear reader achieves.
 #[test]
 fn many_curves_are_read_in_linear_time() {
     let text: String = (0..100_000)

@@ -1,5 +1,5 @@
 //! Skies from files: OpenEXR by layers, luminance and one channel, in half and float; Radiance in its three
-//! codings; values that are no radiances; files that are no skies.
+//! codings; invalid radiances; files that are not skies.
 
 use exr::prelude::{
     AnyChannel, AnyChannels, Encoding, FlatSamples, Image, ImageAttributes, IntegerBounds, Layer, LayerAttributes,
@@ -157,7 +157,7 @@ fn values_that_are_no_radiances_are_mended_and_told() {
         }
         assert!(bad > 1e37 || notes.contains(told), "{notes}");
     }
-    // What is too bright for a half float is as bright as the largest.
+    // Values too bright for a half float become the largest one.
     exr(&path, &[("", &[("B", halves(one)), ("G", halves(one)), ("R", halves(with(3, f32::INFINITY)))])]);
     let (got, notes) = loaded(&path, None);
     assert_eq!(got, sky(3, 0, 65504.0));
@@ -209,14 +209,14 @@ fn radiance_pictures_are_read_in_their_three_codings() {
     let plain = [texel; 8].concat();
     // The texel once, and a run of seven more.
     let old = [&texel[..], &[1, 1, 1, 7]].concat();
-    // Of each component a run of five, and three as they are.
+    // For each component a run of five, and three literal values.
     let new: Vec<u8> =
         [vec![2, 2, 0, 8], texel.iter().flat_map(|b| [133, *b, 3, *b, *b, *b]).collect::<Vec<u8>>()].concat();
     for row in [plain.clone(), old, new.clone()] {
         std::fs::write(&path, radiance("", &vec![row; 4])).unwrap();
         assert_eq!(loaded(&path, None), (want.clone(), String::new()));
     }
-    // What the header says that the radiances were multiplied by; comments; the other signature.
+    // Factors of the radiances in the header; comments; the other signature.
     let rows = vec![new.clone(); 4];
     std::fs::write(&path, radiance("# of a sky\nEXPOSURE=2\nEXPOSURE=0.25\nCOLORCORR=1 2 0.5\n", &rows)).unwrap();
     assert_eq!(loaded(&path, None).0, Environment::picture(8, vec![[1.0, 1.0, 6.0]; 32]).unwrap());

@@ -1,6 +1,6 @@
-//! Dual scattering beside path tracing: strands along a ray are counted as they are met one by one; one
-//! scattering is that of path tracing; what the estimate of the rest is off by in layers and fur, and what it
-//! costs, in one run.
+//! Dual scattering compared with path tracing: strands along a ray are counted as by single hits; single
+//! scattering equals path tracing; error of the estimate of the rest in layers and fur, and its cost, in one
+//! run.
 //!
 //! `cargo test --release -p plywave-render --test it strand_dual:: -- --nocapture --test-threads 1` prints
 //! all of it, the times of one render at a time.
@@ -21,7 +21,7 @@ use std::time::{Duration, Instant};
 
 const RADIUS_UM: f32 = 40.0;
 
-/// Fibers of Khungurn's model, gray, of which the share `tt` goes through.
+/// Gray fibers of Khungurn's model that transmit the share `tt`.
 fn fiber(tt: f32) -> StrandFiber {
     let parameters = KhungurnParameters { c_tt: tt.into(), radius_um: RADIUS_UM, ..KhungurnParameters::default() };
     let model: FiberModel = KhungurnFiber::new(parameters).unwrap().into();
@@ -120,7 +120,7 @@ fn strands_are_counted_as_they_are_met() {
     }
 }
 
-/// Alone, a strand scatters as path tracing has it: nothing before it, nothing behind.
+/// A single strand, with nothing before or behind it, scatters as in path tracing.
 #[test]
 #[ignore = "slow: 10 s: one strand is that of path tracing"]
 fn one_strand_is_that_of_path_tracing() {
@@ -139,9 +139,9 @@ fn one_strand_is_that_of_path_tracing() {
     assert!((got / want - 1.0).abs() < 0.005, "{got} {want}");
 }
 
-/// What the estimate is off by, and its cost: all light, less that of path tracing, as a share of it. Seeds
-/// are fixed, so the same work gives the same numbers. The limit is twice what two ways of sampling the same
-/// estimate differed by, 0.03 (sources alone; sources and lobes). An estimate that got better fails too:
+/// Error of the estimate, and its cost: its light minus that of path tracing, as a share of the latter. Seeds
+/// are fixed, so the same work gives the same numbers. The limit is twice the difference of two strategies
+/// for the same estimate, 0.03 (sources alone; sources and lobes). A better estimate fails too:
 /// docs/explain/dual_scattering.md has these numbers.
 fn is_off_by(name: &str, what: GeneratedStrands, color: &str, tt: f32, told: [f64; 3]) {
     const LIMIT: f64 = 0.06;
@@ -169,7 +169,7 @@ fn is_off_by(name: &str, what: GeneratedStrands, color: &str, tt: f32, told: [f6
     }
 }
 
-/// A test for each color of each, which run beside each other.
+/// A test for each color of each, which run in parallel.
 mod dual_scattering_is_off_from_path_tracing_by_what_is_told {
     use super::{GeneratedStrands, is_off_by};
 

@@ -1,5 +1,4 @@
-//! Files of strands are read as they are meant, and refused in one line; strands made by rule are where they
-//! should be.
+//! Files of strands are read correctly or refused in one line; procedural strands are in their places.
 
 use glam::DVec3;
 use plywave_render::{
@@ -25,7 +24,7 @@ fn field(name: &str) -> Vec<u8> {
 
 const SPLINE: StrandFile = StrandFile { basis: Basis::BSpline, whole: true, ..AS_IS };
 
-/// A `.hair` file of these strands, with what the flags say.
+/// A `.hair` file of these strands, with flags for the given arrays.
 fn hair(strands: &[&[[f32; 4]]], thickness: Option<f32>, default_segments: Option<u32>) -> Vec<u8> {
     let total: usize = strands.iter().map(|s| s.len()).sum();
     let flags = u32::from(default_segments.is_none()) | 2 | if thickness.is_none() { 4 } else { 0 };
@@ -77,15 +76,15 @@ fn ends(p: &[[f32; 4]]) -> [[f32; 4]; 2] {
     [0, p.len() - 3].map(|k| std::array::from_fn(|c| (p[k][c] + 4.0 * p[k + 1][c] + p[k + 2][c]) / 6.0))
 }
 
-/// Strands of one point are left out and tips of no width take the least radius, both counted; what else is
-/// there is what the file says.
+/// Strands of one point are omitted and tips without width get the least radius, both counted; all else is as
+/// in the file.
 #[test]
 fn bald_roots_and_pointed_tips_are_read() {
     for how in [AS_IS, SPLINE] {
         let (strands, notes) = read_with_notes(&field("hair_one_point/roots.hair"), &how).unwrap();
         assert_eq!((strands.len(), &notes), (3, &StrandNotes { single_points: 1, ..StrandNotes::default() }));
         let x: Vec<f32> = strands.curves().map(|p| p[1][0]).collect();
-        // The second of four is the bald one.
+        // The second of four has a single point.
         assert_eq!(x, [0.0, 2.0, 3.0]);
         let (strands, notes) = read_with_notes(&field("hair_zero_tip/tips.hair"), &how).unwrap();
         assert_eq!((strands.len(), &notes), (5, &StrandNotes { thin_points: 5, ..StrandNotes::default() }));
@@ -95,7 +94,7 @@ fn bald_roots_and_pointed_tips_are_read() {
             assert!((root[3] - 0.5).abs() < 1e-6 && (tip[3] - MIN_RADIUS_MM).abs() < 1e-7, "{root:?} {tip:?}");
             assert!((root[2], tip[2]) == (0.0, 10.0), "{root:?} {tip:?}");
         }
-        // A ray along the tip meets a pointed end, not a blunt one.
+        // A ray along the tip hits a pointed end, not a blunt one.
         let tree = StrandTree::new(strands, StrandShape::Tube);
         for (z, radius) in [(9.0, 0.05), (9.8, 0.01), (9.98, 0.001)] {
             let down = DVec3::new(0.0, -5.0, z);
@@ -103,8 +102,7 @@ fn bald_roots_and_pointed_tips_are_read() {
             assert!((hit.radius_mm - radius).abs() < 0.06 * radius + 1e-4, "{} at {z}, not {radius}", hit.radius_mm);
         }
     }
-    // The same in text; a strand that is bald and one that has no width anywhere are left out, and the rest
-    // stays.
+    // The same in text; a strand of one point and one without width are omitted, and the rest stays.
     let text = b"0 0 0 .1\n0 0 1 0.05\n0 0 2 0\n\n5 5 5 1\n\n1 0 0 0\n1 0 1 0\n\n2 0 0 1e-9\n2 0 1 .1";
     let (strands, notes) = read_with_notes(text, &AS_IS).unwrap();
     let want = StrandNotes { single_points: 1, without_width: 1, thin_points: 2, ..StrandNotes::default() };
@@ -135,7 +133,7 @@ fn mitsuba_text_comes_back() {
     assert_eq!(read(mitsuba_text(&strands).as_bytes(), &AS_IS).unwrap(), strands);
 }
 
-/// Points of a Bezier curve lie on what is made of it.
+/// Points of a Bezier curve lie on the converted curve.
 #[test]
 fn pbrt_curves_are_the_same_curves() {
     let text = r#"
@@ -266,7 +264,7 @@ fn made_strands_are_where_they_should_be() {
 
 proptest! {
     #![proptest_config(ProptestConfig { cases: 300, failure_persistence: None, ..ProptestConfig::default() })]
-    /// Whatever is in a file: strands or one line, no panic, no end of memory.
+    /// Any file gives strands or an error of one line, without a panic or exhausted memory.
     #[test]
     fn damaged_files(at in 0usize..260, byte in any::<u8>(), length in 0usize..260, text in "[0-9 .eE\\-\n\"\\[\\]aShpecurv]{0,200}") {
         let mut bytes = hair(&[A, B], None, None);

@@ -1,5 +1,6 @@
-//! Light among strands: white rooms stay white, one scattering is the model's albedo, a lamp's light is its
-//! integral, effective widths cast shadows of their width, and the form of the tree is not in the picture.
+//! Light among strands: white rooms stay white, single scattering is the model's albedo, a lamp's light is
+//! its integral, effective widths cast shadows of their width, and the picture does not depend on the form of
+//! the tree.
 
 use glam::{DVec3, Vec3};
 use plywave::fiber::{DielectricFiber, DielectricParameters, FiberSource, FiberTable, OutlineSymmetry, TabulatedFiber};
@@ -19,7 +20,7 @@ fn dielectric() -> FiberModel {
     DielectricFiber::new(parameters).unwrap().into()
 }
 
-/// A table that takes light from the given multiples of its geometric width, from 0.38 to 0.78 um, and
+/// A table that receives light over the given multiples of its geometric width, from 0.38 to 0.78 um, and
 /// scatters the share `albedo` evenly.
 fn table(widths: &[f64], albedo: f64) -> FiberModel {
     let l = widths.len();
@@ -71,7 +72,7 @@ fn above() -> Camera {
     Camera::new(Vec3::new(0.3, -0.2, 30.0), Vec3::ZERO, Vec3::Y, 0.1)
 }
 
-/// A white room stays white among fibers that absorb nothing, whatever is met, and by either kind of offset.
+/// A white room stays white among non-absorbing fibers, with either kind of offset.
 #[test]
 fn white_rooms_stay_white() {
     let fur = GeneratedStrands::Fur { count: 6000, size_mm: 8.0, length_mm: 5.0 };
@@ -93,8 +94,9 @@ fn white_rooms_stay_white() {
     }
 }
 
-/// In a white room fibers that absorb nothing lack what a cut leaves out, which the film tells; with the most
-/// scatterings nothing is lacking. Among dyed fibers the film tells what the whole picture has more.
+/// In a white room non-absorbing fibers lack the light that a cut omits, which the film reports; with the
+/// largest number of scatterings nothing is missing. Among dyed fibers the film reports the light that the
+/// whole picture has more.
 #[test]
 #[ignore = "slow: 5 s: cuts tell what they leave out"]
 fn cuts_tell_what_they_leave_out() {
@@ -107,7 +109,7 @@ fn cuts_tell_what_they_leave_out() {
     let clear = room(0.0);
     for depth in [2, 8, MAX_SCATTERINGS] {
         let film = picture(&clear, &above(), 16, 64, depth);
-        // Of samples that hit a strand, whose albedo is 1.
+        // The share of samples that hit a strand, whose albedo is 1.
         let hit = mean(&film, FilmView::Albedo);
         let (lacks, told) = ((1.0 - mean(&film, FilmView::Light)) / hit, film.cut_share());
         println!("{depth} scatterings lack {lacks:.4}, told {told:.4}");
@@ -134,9 +136,9 @@ fn cuts_tell_what_they_leave_out() {
     assert!(average.abs() < 5.0 * deviation && deviation < 0.02, "{average} of {deviation}");
 }
 
-/// A furnace of an assembly with growing numbers of scatterings (Xia 2020, Fig. 8): met within C_e, all light
-/// is there in the end and never more than all; the same light put into strands that are met within C_g
-/// alone, C_e / C_g of it a scattering, grows beyond the room's.
+/// A furnace of an assembly with growing numbers of scatterings (Xia 2020, Fig. 8): with hits within C_e, all
+/// light is there in the end and never more. With hits within C_g and the light scaled by C_e / C_g per
+/// scattering, it grows beyond the room's.
 #[test]
 #[ignore = "slow: 20 s: assemblies vanish in a white room by effective widths alone"]
 fn assemblies_vanish_in_a_white_room_by_effective_widths_alone() {
@@ -177,7 +179,7 @@ fn thick(fiber: StrandFiber, lights: Vec<Light>, environment: Environment) -> St
     StrandScene::new(strands, StrandShape::Tube, fiber, lights, environment)
 }
 
-/// One scattering in a white room is the albedo.
+/// Single scattering in a white room is the albedo.
 #[test]
 fn one_scattering_gives_the_albedo() {
     // The strand is 75 times as thick as the model, and so are the paths in it.
@@ -191,7 +193,7 @@ fn one_scattering_gives_the_albedo() {
     }
 }
 
-/// A lamp on one strand, against a quadrature of f over the lamp.
+/// A lamp on one strand gives the quadrature of f over the lamp.
 #[test]
 fn a_lamp_gives_the_integral_over_it() {
     let lamp = Light::facing(Vec3::new(20.0, 30.0, 40.0), Vec3::ZERO, 25.0, 2.0);
@@ -218,7 +220,7 @@ fn a_lamp_gives_the_integral_over_it() {
     assert!((got / want - 1.0).abs() < 0.02, "{got} {want}");
 }
 
-/// Black fibers side by side let through what is beyond their effective width, by wavelength: to the camera,
+/// Black fibers side by side transmit the light beyond their effective width, by wavelength: to the camera,
 /// and to a matte floor from a lamp.
 #[test]
 #[ignore = "slow: 10 s: effective widths cast their shadow"]
@@ -236,7 +238,7 @@ fn effective_widths_cast_their_shadow() {
         let camera =
             Camera::new(Vec3::new(0.0, 0.0, 1000.0), Vec3::ZERO, Vec3::Y, 2.0 * (5.0 * spacing / 1000.0).atan());
         let got = rgb(&picture(&bright(strands, fiber()), &camera, 200, 64, 4));
-        // What passes at a wavelength, as a color in the same way as the film's.
+        // The light that passes at a wavelength, as a color computed as the film's.
         let mut rng = rand_pcg::Pcg64Mcg::seed_from_u64(1);
         let mut want = [0.0; 3];
         let n = 200_000;

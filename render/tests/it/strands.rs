@@ -1,7 +1,7 @@
-//! Rays and strands against a reference in 64 bits that knows no tree and no closed form: the entry into each
-//! of many balls along the curve, the best refined by golden section; splines by de Boor's scheme. Splines
-//! are traced as straight pieces within 2 % of the radius, so their answers are bracketed by tubes of 0.97
-//! and 1.03 radii.
+//! Rays and strands compared with a brute-force reference in 64 bits, without tree or closed form: the entry
+//! into each of many balls along the curve, the best refined by golden section; splines by de Boor's scheme.
+//! Splines are traced as straight pieces within 2 % of the radius, so their hits are bracketed by tubes of
+//! 0.97 and 1.03 radii.
 
 use glam::{DVec3, Vec3};
 use plywave_render::{Basis, Skip, StrandHit, StrandShape, StrandTree, Strands};
@@ -39,7 +39,7 @@ fn reference(strands: &Strands, o: DVec3, w: DVec3, scale: f64, samples: usize) 
     let mut best = f64::INFINITY;
     for points in strands.curves() {
         for p in points.windows(order) {
-            // How far the balls may lie to be of interest: least of `off - r`, then the entry.
+            // Search order: least `off - r`, then the entry.
             let gap = |u: f64| {
                 let (c, r) = curve(strands.basis(), p, u);
                 (c - o - w * (c - o).dot(w)).length() - r * scale
@@ -50,14 +50,14 @@ fn reference(strands: &Strands, o: DVec3, w: DVec3, scale: f64, samples: usize) 
                 let (mut a, mut b) = ((at - step).max(0.0), (at + step).min(1.0));
                 for _ in 0..80 {
                     let (x, y) = (b - 0.618_033_988_75 * (b - a), a + 0.618_033_988_75 * (b - a));
-                    // Where no ball is met, towards where the gap is less.
+                    // If no ball is hit, towards the smaller gap.
                     let (fx, fy) = (g(x), g(y));
                     let left = if fx == fy { gap(x) < gap(y) } else { fx < fy };
                     if left { b = y } else { a = x }
                 }
                 0.5 * (a + b)
             };
-            // Every local least of the gap: a thin strand is missed by samples, not by these.
+            // Every local minimum of the gap: samples may miss a thin strand, these do not.
             for k in 0..=samples {
                 let u = k as f64 * step;
                 let (here, before, after) = (gap(u), gap((u - step).max(0.0)), gap((u + step).min(1.0)));
@@ -93,7 +93,8 @@ fn unit(rng: &mut Pcg64Mcg) -> DVec3 {
     DVec3::new(r * c, r * s, z)
 }
 
-/// A ray that starts `distance` off, outside, and passes within about two radii of some place of the strands.
+/// A ray that starts `distance` away, outside, and passes within about two radii of some point of the
+/// strands.
 fn aimed(strands: &Strands, distance: f64, rng: &mut Pcg64Mcg) -> (DVec3, DVec3) {
     let order = strands.basis().order();
     let segments: Vec<&[[f32; 4]]> = strands.curves().flat_map(|c| c.windows(order)).collect();
@@ -104,7 +105,7 @@ fn aimed(strands: &Strands, distance: f64, rng: &mut Pcg64Mcg) -> (DVec3, DVec3)
     (target - w * distance, w)
 }
 
-/// Holds the answers to the reference; gives how many rays hit.
+/// Compares the hits with the reference; returns the number of rays that hit.
 fn held_to_reference(tree: &StrandTree, distance: f64, rays: usize, rng: &mut Pcg64Mcg) -> usize {
     let basis = tree.strands().basis();
     let (thin, thick, slack) = match basis {
@@ -179,7 +180,7 @@ fn far_from_the_origin_a_strand_is_what_its_numbers_say() {
     }
 }
 
-/// A point inside the tube is never seen without the tube before it: no gaps at turns, between segments,
+/// A ray to a point inside the tube always hits the tube first: no gaps at turns, between segments, or
 /// between a spline's straight pieces.
 #[test]
 fn no_ray_gets_through() {
@@ -237,7 +238,7 @@ fn a_straight_strand_is_a_cylinder() {
                             (hit.position - hit.center).dot(frame[1]).atan2((hit.position - hit.center).dot(frame[0]));
                         assert!((xi - phi - h.asin()).sin().abs() < 1e-5, "xi {xi}, phi {phi}, h {h}");
                     }
-                    // Out of the cylinder by straight lines, and not met again on the way.
+                    // Straight lines leave the cylinder without another hit.
                     let w = unit(&mut rng);
                     let Skip { until, .. } = hit.leave(w);
                     let end = hit.position + w * until;
@@ -250,7 +251,7 @@ fn a_straight_strand_is_a_cylinder() {
     }
 }
 
-/// Along the strand itself, where the ray sees its ends alone.
+/// Rays along the strand itself hit only its ends.
 #[test]
 fn ends_are_met_along_the_axis() {
     for basis in [Basis::Linear, Basis::BSpline] {
@@ -267,7 +268,7 @@ fn ends_are_met_along_the_axis() {
     }
 }
 
-/// The form of the tree is not in the answers.
+/// The hits do not depend on the form of the tree.
 #[test]
 fn trees_of_two_forms_answer_the_same() {
     let mut rng = Pcg64Mcg::seed_from_u64(5);

@@ -1,5 +1,5 @@
-//! What is traced: the geometry of a fabric's yarns and the specs of their plies. It is made of a loaded
-//! fabric or of its own text, without models.
+//! The traced cloth: the geometry of a fabric's yarns and the specs of their plies. It is built from a loaded
+//! fabric or from its own text, without models.
 
 use crate::error::SimError;
 use plywave::Error;
@@ -7,8 +7,8 @@ use plywave::fabric::{Draft, Fabric, LoadedFabric, YarnSet, YarnShape};
 use plywave::spec::{Handedness, YarnSpec};
 use serde::{Deserialize, Serialize};
 
-/// Most that the tubes about two yarns may intersect [um]: fibers are packed some tenths of a micrometer
-/// within their ply.
+/// Largest overlap of the tubes about two yarns [um]: fibers are packed some tenths of a micrometer within
+/// their ply.
 pub const OVERLAP_TOLERANCE_UM: f64 = 0.5;
 
 /// A cloth of explicit fibers.
@@ -16,11 +16,11 @@ pub const OVERLAP_TOLERANCE_UM: f64 = 0.5;
 pub struct TwinCloth {
     /// Name of the fabric.
     pub name: String,
-    /// Its geometry.
+    /// Geometry of the fabric.
     pub fabric: Fabric,
     /// Specs of the yarns' plies.
     pub yarns: Vec<YarnSpec>,
-    /// For warp and weft, and each yarn of one repeat of their stripes: the index of its spec.
+    /// For warp and weft, the index of the spec of each yarn in one repeat of their stripes.
     pub threads: [Vec<usize>; 2],
     text: String,
 }
@@ -51,7 +51,7 @@ struct TextYarn {
 }
 
 impl TwinCloth {
-    /// The cloth of a fabric; of its models only the text of their specs counts.
+    /// The cloth of a fabric; of its models only the texts of their specs are used.
     ///
     /// # Errors
     /// [`SimError::YarnsIntersect`], [`SimError::YarnBends`], and those of the yarn specs.
@@ -60,8 +60,8 @@ impl TwinCloth {
         TwinCloth::new(&loaded.spec.name, loaded.fabric.clone(), texts, loaded.threads.clone())
     }
 
-    /// A cloth of a fabric's geometry, the texts of the specs of its yarns, and for warp and weft which yarn
-    /// of one repeat of their stripes has which spec.
+    /// A cloth from a fabric's geometry, the texts of its yarns' specs, and for warp and weft the spec index
+    /// of each yarn in one repeat of their stripes.
     ///
     /// # Errors
     /// As [`TwinCloth::from_loaded`].
@@ -94,7 +94,7 @@ impl TwinCloth {
     /// A cloth from its own text.
     ///
     /// # Errors
-    /// As [`TwinCloth::from_loaded`], and [`SimError::Merge`] for what is no such text.
+    /// As [`TwinCloth::from_loaded`], and [`SimError::Merge`] for other text.
     pub fn parse(text: &str) -> Result<TwinCloth, SimError> {
         let Text { name, draft: rows, warp, weft, yarns } =
             serde_json::from_str(text).map_err(|e| SimError::Merge {
@@ -117,13 +117,13 @@ impl TwinCloth {
         TwinCloth::new(&name, fabric, yarns, [threads[0].clone(), threads[1].clone()])
     }
 
-    /// Its text: all that the fibers depend on, but for the seed.
+    /// Its text: all that the fibers depend on, except the seed.
     pub fn text(&self) -> &str {
         &self.text
     }
 
-    /// The key in which a fabric differs from this cloth, as far as its fibers depend on it; `None` when they
-    /// are the same.
+    /// The first key that affects the fibers in which a fabric differs from this cloth; `None` if they are
+    /// the same.
     pub fn difference(&self, loaded: &LoadedFabric) -> Option<&'static str> {
         if self.fabric.draft() != loaded.fabric.draft() {
             return Some("weave");

@@ -1,9 +1,9 @@
-//! How many repeats are traced, and which pitches close over them.
+//! The traced domain: number of repeats, and pitches that close over them.
 //!
-//! Rays that leave the domain at one side come in again at the other, so that plies and fibers make whole
-//! turns over its length. Their pitches change a little for that. As few repeats are traced as keep every
-//! change under 10 % and give four yarns a family. Where these are too many fibers for the memory, larger
-//! changes are allowed; where nothing serves, the domain is that of the least change and refused later.
+//! Rays that leave the domain at one side re-enter at the other, so plies and fibers must make whole turns
+//! over its length, and their pitches change a little. The domain has the fewest repeats that keep every
+//! change under 10 % and give four yarns per family. If these have too many fibers for the memory, larger
+//! changes are allowed. If nothing fits, the domain is that of the least change, and is refused later.
 
 use super::cloth::TwinCloth;
 use super::options::TwinMesh;
@@ -12,16 +12,16 @@ use plywave::fabric::YarnSet;
 use plywave::spec::Shape;
 use std::f64::consts::TAU;
 
-/// Most quads: they stay below 6 GiB, of which most is held only while a family's BVH is built.
+/// Largest number of quads: they stay below 6 GiB, most of it only while a family's BVH is built.
 pub(super) const MAX_QUADS: f64 = 2.8e7;
-/// Most that a pitch should change, and what is allowed where memory forbids that.
+/// Largest change of a pitch, and larger ones that are allowed if memory is short.
 const MAX_CHANGE: [f64; 5] = [0.1, 0.15, 0.2, 0.3, 0.5];
-/// Most repeats along a side that are looked at.
+/// Largest number of repeats along a side that is tried.
 const MAX_REPEATS: u32 = 24;
-/// Least yarns of a family: each has its own packed sections.
+/// Least number of yarns per family: each has its own packed sections.
 const MIN_YARNS: u32 = 4;
 
-/// A pitch of the spec and what it was changed to.
+/// A pitch of the spec and its traced value.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PitchUsed {
     /// Yarn set of the yarns.
@@ -50,12 +50,12 @@ pub struct Domain {
     pub size_um: [f64; 2],
     /// Yarns of warp and weft.
     pub yarns: [u32; 2],
-    /// Pitches, as far as the spec has some.
+    /// Pitches in the spec.
     pub pitches: Vec<PitchUsed>,
 }
 
 impl Domain {
-    /// The domain of a cloth, of these repeats along x and y or of as many as it takes.
+    /// The domain of a cloth, with these repeats along x and y or as many as needed.
     pub fn new(cloth: &TwinCloth, repeats: Option<[u32; 2]>, mesh: &TwinMesh) -> Domain {
         let threads = YarnSet::EACH.map(|family| cloth.fabric.draft().threads(family) as u32);
         let repeat = cloth.fabric.repeat_um();
@@ -144,7 +144,7 @@ pub(super) fn plies_of(cloth: &TwinCloth, domain: &Domain) -> Vec<PlyOf> {
     plies
 }
 
-/// About how many quads the fibers of a domain make, before their sections are packed.
+/// Estimate of the number of quads of a domain, before its sections are packed.
 pub(super) fn estimate(cloth: &TwinCloth, domain: &Domain, options: &TwinMesh) -> f64 {
     plies_of(cloth, domain).into_iter().map(|ply| estimate_ply(cloth, domain, options, ply)).sum()
 }
@@ -160,7 +160,7 @@ fn estimate_ply(cloth: &TwinCloth, domain: &Domain, options: &TwinMesh, ply: Ply
     rings * points * f64::from(spec.ply.fibers)
 }
 
-/// About how many points an outline takes, over those of a circle.
+/// Estimate of the points of an outline, relative to those of a circle.
 fn points_of(shape: &Shape) -> f64 {
     match *shape {
         Shape::Circle { .. } | Shape::Ellipse { .. } | Shape::RoundedTriangle { .. } | Shape::Stone { .. } => 1.0,

@@ -22,7 +22,7 @@ pub fn twin(cloth: &TwinCloth, options: &TwinOptions, run: Run<'_>) -> Result<Cl
     runs::run(&TwinJob::new(cloth.clone(), options)?, run)
 }
 
-/// What a twin takes.
+/// Size of a twin.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TwinSize {
     /// Fibers, each as long as the domain.
@@ -41,7 +41,7 @@ pub struct TwinJob {
     tracer: OnceLock<ClothTracer>,
 }
 
-/// Longest side that is traced [um].
+/// Longest traced side [um].
 const LONGEST_UM: f64 = 2e5;
 
 impl TwinJob {
@@ -69,7 +69,7 @@ impl TwinJob {
         if !(1..=1 << 20).contains(shards) {
             return refuse("shards", *shards as usize, "1 to 1048576");
         }
-        // Fibers of longer yarns are more than are traced, and before that many a step of their center lines.
+        // Longer yarns have too many fibers to trace, and too many steps of their center lines.
         let repeats = options.repeats.unwrap_or([1; 2]).map(f64::from);
         let sides = cloth.fabric.repeat_um();
         if let Some(side) = (0..2).map(|k| sides[k] * repeats[k]).find(|side| side.is_nan() || *side > LONGEST_UM) {
@@ -79,7 +79,7 @@ impl TwinJob {
         Ok(TwinJob { cloth, options: options.clone(), domain, tracer: OnceLock::new() })
     }
 
-    /// The same job from its description.
+    /// The job of a description.
     ///
     /// # Errors
     /// [`SimError::Merge`] and those of the cloth.
@@ -92,7 +92,7 @@ impl TwinJob {
         &self.domain
     }
 
-    /// What the triangles take, once they are made; makes them.
+    /// Builds the triangles and returns their size.
     ///
     /// # Errors
     /// As [`ClothTracer::new`].
@@ -139,7 +139,7 @@ impl Job for TwinJob {
     }
 
     fn shard_bytes(&self) -> Option<usize> {
-        // The sums of a lane, and as much again that waits for its turn.
+        // The sums of a lane, and as much again for the sums that wait for their turn.
         Some(self.layout(0).iter().map(|a| a.len() * 16).sum())
     }
 
@@ -203,7 +203,7 @@ impl Job for TwinJob {
     }
 }
 
-/// What the sums of a view say, divided by paths and solid angles, and nothing else.
+/// Fills the results of a view from its sums, divided by paths and solid angles only.
 fn fill(twin: &mut ClothTwin, view: usize, sums: &Sums) {
     let [paths, straight, killed, walls] = sums.counts;
     let inv = 1.0 / paths.max(1.0);

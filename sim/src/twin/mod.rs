@@ -1,13 +1,13 @@
-//! The twin of a cloth: path tracing of one periodic repeat with every fiber there, no model in between
+//! The twin of a cloth: path tracing of one periodic repeat with all explicit fibers, without a model
 //! (`plywave::twin`).
 //!
-//! What it shares with the cloth model is the spec and the center lines of the yarns, and nothing else: plies
-//! wind about the yarns, packed fibers wind in the plies, and rays scatter at the fibers' walls by the same
-//! walk as in the simulation of a single ply.
+//! It shares only the spec and the center lines of the yarns with the cloth model: plies wind about the
+//! yarns, packed fibers wind in the plies, and rays scatter at the fibers' walls by the same walk as in the
+//! simulation of a single ply.
 //!
-//! [`TwinCloth`] says what is there, [`Domain`] how many repeats are traced and which pitches close over
-//! them, `sweep.rs` makes triangles of it,
-//! [`ClothTracer`] follows rays through them without end, [`TwinJob`] runs the paths.
+//! [`TwinCloth`] describes the cloth, [`Domain`] has the traced repeats and the pitches that close over them,
+//! `sweep.rs` builds triangles, [`ClothTracer`] traces rays through their infinite repetition, and
+//! [`TwinJob`] runs the paths.
 
 mod cloth;
 mod domain;

@@ -1,30 +1,30 @@
-//! Options of a twin: views, absorptions, paths, and how fine the triangles are.
+//! Options of a twin: views, absorptions, paths, and resolution of the triangles.
 
 use plywave::twin::SphereBins;
 use serde::{Deserialize, Serialize};
 
-/// How finely triangles approximate the fibers. Normals are smooth: they are those of the swept outline at
-/// the vertices, and interpolated between.
+/// Resolution of the fibers' triangles. Normals are smooth: those of the swept outline at the vertices,
+/// interpolated between.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct TwinMesh {
     /// Points around a circle or another convex outline; outlines with dents have more, and points are closer
     /// where an outline bends more.
     pub outline_points: u32,
-    /// Most that a fiber's frame may turn from ring to ring, by bend and twist together [rad].
+    /// Largest turn of a fiber's frame from ring to ring, by bend and twist together [rad].
     pub turn_rad: f64,
     /// Longest step from ring to ring [um].
     pub step_um: f64,
 }
 
 impl Default for TwinMesh {
-    /// Chords of a turn of 0.2 draw a fiber 50 um off the axis of its ply in by 0.25 um half way between
+    /// Chords of a turn of 0.2 move a fiber 50 um off the axis of its ply inward by 0.25 um half way between
     /// rings, and its neighbors nearly as much.
     fn default() -> Self {
         TwinMesh { outline_points: 24, turn_rad: 0.2, step_um: 20.0 }
     }
 }
 
-/// What to trace.
+/// Options of a twin.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct TwinOptions {
     /// Unit directions that the light comes from, in the fabric's frame; z below 0 is from the back.
@@ -39,9 +39,9 @@ pub struct TwinOptions {
     pub seed: u64,
     /// Bins of the outgoing sphere.
     pub bins: SphereBins,
-    /// Places a side of the image of the repeat.
+    /// Pixels per side of the image of the repeat.
     pub image: u32,
-    /// Repeats along x and y; `None`: as few as keep the change of the pitches under 10 %.
+    /// Repeats along x and y; `None`: the fewest that keep the change of the pitches under 10 %.
     pub repeats: Option<[u32; 2]>,
     /// The triangles.
     pub mesh: TwinMesh,

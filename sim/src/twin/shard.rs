@@ -1,8 +1,8 @@
 //! Paths of one view through a cloth, and their sums.
 //!
-//! The lines of the light cross the middle plane at places drawn evenly over the domain; a path begins where
+//! The lines of the light cross the middle plane at points drawn evenly over the domain. A path begins where
 //! its line comes down to the highest fiber, or up to the lowest. It is walked once: the lengths within warp
-//! and weft fibers tell its weight for every pair of absorptions.
+//! and weft fibers give its weight for every pair of absorptions.
 
 use super::options::TwinOptions;
 use super::tracer::ClothTracer;
@@ -13,7 +13,7 @@ use plywave::twin::CLASSES;
 use rand::{Rng, RngExt};
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// Paths between two looks at the stop flag.
+/// Paths between two checks of the stop flag.
 const BATCH: u64 = 1024;
 
 /// Sums over the paths of one or more shards of a view.
@@ -33,9 +33,9 @@ pub(super) struct Sums {
     pub bins: Vec<f64>,
     /// As `bins`: squares of the weights.
     pub bin_squares: Vec<f64>,
-    /// `[sigma][y][x]`: weights of reflected light by place.
+    /// `[sigma][y][x]`: weights of reflected light by pixel.
     pub image: Vec<f64>,
-    /// `[y][x]`: paths by place.
+    /// `[y][x]`: paths by pixel.
     pub image_paths: Vec<f64>,
 }
 
@@ -72,14 +72,14 @@ impl Sums {
         ]
     }
 
-    /// As a part.
+    /// The sums as a part.
     pub fn into_part(self) -> Part {
         let Sums { counts, energy, squares, yarns, plies, bins, bin_squares, image, image_paths } = self;
         let arrays = [counts.to_vec(), energy, squares, yarns, plies, bins, bin_squares, image, image_paths];
         Part::new(arrays.into_iter().map(Values::F64).collect())
     }
 
-    /// From a part of [`Sums::layout`].
+    /// Sums from a part of [`Sums::layout`].
     pub fn from_part(part: &Part) -> Sums {
         let array = |at: usize| part.f64(at).to_vec();
         let mut counts = [0.0; 4];
@@ -97,7 +97,7 @@ impl Sums {
         }
     }
 
-    /// What cannot be of sums over `paths` paths.
+    /// Checks that sums over `paths` paths are possible; the error names the impossible value.
     pub fn check(&self, paths: u64) -> Result<(), String> {
         let [drawn, straight, killed, _] = self.counts;
         let placed: f64 = self.image_paths.iter().sum();
@@ -129,8 +129,8 @@ impl Different {
     }
 }
 
-/// Trace `paths` paths of light from `view` and add them to `sums`. `repeat_um` is the size of the repeat
-/// that the image is of. None when stopped.
+/// Traces `paths` paths of light from `view` and adds them to `sums`. `repeat_um` is the size of the repeat
+/// in the image. None when stopped.
 pub(super) fn trace_paths<R: Rng>(
     tracer: &ClothTracer,
     options: &TwinOptions,

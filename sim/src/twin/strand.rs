@@ -1,14 +1,14 @@
-//! From the coordinates of a straight yarn to the cloth: center line, helix of the plies, winding of the
+//! Map from the coordinates of a straight yarn to the cloth: center line, helix of the plies, winding of the
 //! fibers.
 //!
 //! A straight yarn has the coordinates (c, n, s): across, up, and the length along its axis. The curved yarn
 //! is its image under `P(s) + c C + n N(s)`, C the horizontal across and N the normal of the center line P in
-//! the vertical plane. N turns as little as it can, as the curve lies in a plane, and the map stretches
-//! lengths along the yarn by `1 - kappa n`: while that is positive, what is apart in the straight yarn is
+//! the vertical plane. N has minimal rotation, as the curve lies in a plane, and the map stretches lengths
+//! along the yarn by `1 - kappa n`. While that is positive, points that are apart in the straight yarn are
 //! apart in the cloth. The plies are tubes about helices in the straight yarn, their sections at right angles
-//! to the helix. Fibers wind in these tubes as in the simulation of a single ply, by an angle that is counted
-//! against a frame that turns as little as it can: against the frame of the helix, which points away from the
-//! yarn's axis, such a frame turns back by `cos(lean)` of every turn.
+//! to the helix. Fibers wind in these tubes as in the simulation of a single ply, by an angle relative to a
+//! rotation-minimizing frame. Relative to the frame of the helix, which points away from the yarn's axis,
+//! such a frame turns back by `cos(lean)` of every turn.
 
 use plywave::fabric::{Fabric, YarnSet, YarnShape};
 use plywave::math::vec3::dot;
@@ -106,7 +106,7 @@ impl<'a> Strand<'a> {
         whole * self.total() + self.arc[i] + (x - i as f64) * (self.arc[i + 1] - self.arc[i])
     }
 
-    /// The place at the length `s` along the center line, which lies near `along`.
+    /// The point at the length `s` along the center line, near `along`.
     pub fn place_near(&self, s: f64, along: f64) -> StrandPoint {
         let mut at = along;
         // The length is nearly linear over a ply's radius.
@@ -146,14 +146,14 @@ impl Helix {
         let spec_pitch_um = shape.ply_pitch_um.filter(|_| shape.plies > 1);
         let hand = if shape.handedness == Handedness::Z { 1.0 } else { -1.0 };
         let turns = spec_pitch_um.map_or(0.0, |pitch| hand * (length_um / pitch).round());
-        // Where the changed pitch is too short for any circle, that of parallel plies: it is then off by more
-        // than any pitch that is kept.
+        // If the changed pitch is too short for any circle, use that of parallel plies: its error exceeds
+        // that of any accepted pitch.
         let pitch = (turns != 0.0).then(|| length_um / turns.abs());
         let circle_um = ply_circle_um(shape.plies, shape.ply_radius_um, pitch).unwrap_or_else(|| shape.circle_um());
         Helix { plies: shape.plies, circle_um, turns, spec_pitch_um, length_um }
     }
 
-    /// Pitch that is traced [um].
+    /// Traced pitch [um].
     pub fn pitch_um(&self) -> f64 {
         self.length_um / self.turns.abs()
     }
@@ -170,21 +170,21 @@ impl Helix {
     }
 }
 
-/// The winding of the fibers of a ply: their angle against the frame of the helix.
+/// The winding of the fibers of a ply: their angle relative to the frame of the helix.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Winding {
-    /// Turn of the fibers per length of the ply [rad/um], changed so that whole turns are made.
+    /// Turn of the fibers per length of the ply [rad/um], changed to give whole turns.
     twist: f64,
     /// Mean cosine of the plies' lean.
     back: f64,
     ply_length: f64,
-    /// Length of the center line to that of the ply.
+    /// Ratio of the center line's length to the ply's.
     stretch: f64,
     rate: f64,
 }
 
 impl Winding {
-    /// Of fibers with `twist_per_um` in the spec, positive for Z.
+    /// Winding of fibers with `twist_per_um` in the spec, positive for Z.
     pub fn new(strand: &Strand<'_>, helix: &Helix, twist_per_um: f64) -> Winding {
         let steps = 512;
         let mean = (0..steps)
@@ -200,9 +200,9 @@ impl Winding {
         Winding { twist, back, ply_length, stretch, rate: helix.rate() }
     }
 
-    /// Pitch that is traced [um].
+    /// Traced pitch [um].
     pub fn pitch_um(&self) -> f64 {
-        // Rounding of the sum is no turn.
+        // Rounding of the sum does not count as a turn.
         if (self.twist * self.ply_length).abs() < 1e-9 { f64::INFINITY } else { TAU / self.twist.abs() }
     }
 
@@ -216,12 +216,12 @@ impl Winding {
         self.ply_length
     }
 
-    /// Angle against the frame of the helix of a frame that turns as little as it can.
+    /// Angle of a rotation-minimizing frame relative to the frame of the helix.
     pub fn back(&self, along: f64) -> f64 {
         -self.back * self.rate * along
     }
 
-    /// Angle of the fibers against the frame of the helix where the center line is `arc` long.
+    /// Angle of the fibers relative to the frame of the helix at the length `arc` of the center line.
     pub fn angle(&self, along: f64, arc: f64) -> f64 {
         self.twist * self.stretch * arc - self.back * self.rate * along
     }

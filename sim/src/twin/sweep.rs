@@ -1,10 +1,9 @@
 //! Quads of a cloth's fibers: every outline swept along its winding in its ply, along the helix of the ply
 //! and the center line of the yarn.
 //!
-//! Tubes are open: they begin and end a little beyond the domain, where rays go over to the other side.
-//! Vertices have the normals of the swept surface.
-//! A polygon within an outline has less area than the outline; its points are moved out so that the areas
-//! agree.
+//! Tubes are open: they begin and end a little beyond the domain, where rays move to the other side. Vertices
+//! have the normals of the swept surface. A polygon within an outline has less area than the outline; its
+//! points are moved out so that the areas agree.
 
 use super::cloth::TwinCloth;
 use super::domain::{Domain, MAX_QUADS, PlyOf, estimate, plies_of};
@@ -22,25 +21,25 @@ use rand::RngExt;
 use rayon::prelude::*;
 use std::f64::consts::TAU;
 
-/// Length by which tubes go on beyond the ends of the domain, besides what leaning sections take [um].
+/// Length by which tubes extend beyond the ends of the domain, beside that of leaning sections [um].
 const MARGIN_UM: f64 = 5.0;
 /// Points on an outline from which those of a ring are chosen.
 const FINE: usize = 512;
 
-/// What a fiber belongs to.
+/// Yarn, ply and spec of a fiber.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ThreadOfFiber {
     /// Yarn set of its yarn.
     pub family: YarnSet,
-    /// Number of its yarn in the domain.
+    /// Index of its yarn in the domain.
     pub yarn: u32,
-    /// Number of its ply among all of the domain.
+    /// Index of its ply among all of the domain.
     pub ply: u32,
     /// Index of its spec.
     pub spec: u32,
     /// Whether it is of the second kind of the spec's blend.
     pub second: bool,
-    /// Where its yarn's axis lies across, from the middle of the domain [um].
+    /// Position of its yarn's axis across, from the middle of the domain [um].
     pub(super) across: f32,
 }
 
@@ -48,7 +47,7 @@ pub struct ThreadOfFiber {
 #[derive(Default)]
 pub(super) struct ClothMesh {
     pub vertices: Vec<[f32; 3]>,
-    /// Unit, out of the material.
+    /// Unit normals, out of the material.
     pub normals: Vec<[f32; 3]>,
     /// Vertices a and b of a ring, c and d above them: triangles a, b, d and a, d, c.
     pub quads: Vec<[u32; 4]>,
@@ -97,8 +96,8 @@ impl ClothMesh {
     }
 }
 
-/// Places of the rings along the yarn over one domain, closer where the frame turns faster, with a margin of
-/// `margin_um` or more beyond both ends, and how many of them lie in the domain.
+/// Positions of the rings along the yarn over one domain, closer where the frame turns faster, with a margin
+/// of `margin_um` or more beyond both ends, and the number of rings in the domain.
 fn ring_places(
     strand: &Strand<'_>,
     helix: &Helix,
@@ -136,7 +135,8 @@ fn ring_places(
     ((-before..=count as isize + after).map(periodic).collect(), count)
 }
 
-/// Points around an outline: more where its normal turns to and fro, fewer around a lumen, which is small.
+/// Number of points around an outline: more if its normal turns back and forth, fewer around a lumen, which
+/// is small.
 fn points_of(outline: &Outline, is_lumen: bool, options: &TwinMesh) -> usize {
     let n = f64::from(options.outline_points.max(8)) * if is_lumen { 2.0 / 3.0 } else { 1.0 };
     let turns = match outline {
@@ -214,7 +214,7 @@ fn sweep_ply(
         radial: V3,
         tangential: V3,
         angle: Rotation2<f64>,
-        /// That of a frame that turns as little as it can.
+        /// Turn of the rotation-minimizing frame.
         least: Rotation2<f64>,
         along: f64,
     }
@@ -292,7 +292,7 @@ fn sweep_ply(
                 for i in 0..n {
                     let (a, b) = (k * n + i, k * n + (i + 1) % n);
                     let (c, d) = (a + n, b + n);
-                    // The lumen's material lies outside of its ring: its triangles turn the other way.
+                    // The material lies outside of the lumen's ring, so its triangles turn the other way.
                     let (a, b, c, d) = if lumen == 1 { (b, a, d, c) } else { (a, b, c, d) };
                     mesh.quads.push([a, b, c, d].map(|v| (first + v) as u32));
                     mesh.wall.push(2 * id + lumen);

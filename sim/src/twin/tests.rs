@@ -1,5 +1,4 @@
-//! The twin against the simulation of a single ply, which shares no geometry with it beyond the packed
-//! section.
+//! Tests of the twin against the simulation of a single ply, which shares only the packed section with it.
 
 use super::cloth::TwinCloth;
 use super::domain::Domain;
@@ -71,8 +70,8 @@ impl Tally {
     }
 }
 
-/// A lone straight ply of the twin, lit evenly over its width, against the screw march of the same section:
-/// two geometries, one physics. They differ by the triangles alone.
+/// A single straight ply of the twin, lit evenly over its width, agrees with the screw march of the same
+/// section: two geometries with the same physics, which differ by the triangles alone.
 #[test]
 #[ignore = "slow: 10 s: a lone ply scatters as in its own simulation"]
 fn a_lone_ply_scatters_as_in_its_own_simulation() {

@@ -1,9 +1,9 @@
-//! Rays among the fibers of a cloth without end: the quads of the domain in a BVH for each family, and rays
-//! that come in again at the other side. A ray within a fiber asks one family only.
+//! Tracer of rays among the fibers of an infinite periodic cloth: the quads of the domain in a BVH per
+//! family, with rays that re-enter at the other side. A ray within a fiber searches one family only.
 //!
-//! A position may lie anywhere in the plane; it is moved into the domain for the search. The tubes go on a
-//! little beyond the ends of the domain, so that a ray is followed up to the border and no end is seen. Yarns
-//! lie within the domain across; a ray within a fiber is moved to the image that holds the fiber's yarn,
+//! A position may lie anywhere in the plane; it is moved into the domain for the search. The tubes extend a
+//! little beyond the ends of the domain, so that a ray followed up to the border hits no end. Across, yarns
+//! lie within the domain; a ray within a fiber is moved to the image that contains the fiber's yarn,
 //! whichever side of the border rounding puts it on.
 
 use super::cloth::TwinCloth;
@@ -24,7 +24,7 @@ use obvhs::triangle::Triangle;
 use plywave::fabric::YarnSet;
 use std::time::Duration;
 
-/// Times that a ray may come in again before it is given up.
+/// Largest number of re-entries before a ray counts as lost.
 const MAX_WRAPS: u32 = 10_000;
 /// Length beyond a border within which a wall still counts [um], for rounding.
 const BEYOND_UM: f32 = 1e-3;
@@ -60,7 +60,7 @@ impl Walls {
 
 /// The walls of all fibers of a domain.
 pub struct ClothTracer {
-    /// Of warp and weft.
+    /// Walls of warp and weft.
     walls: [Walls; 2],
     vertices: Vec<[f32; 3]>,
     normals: Vec<[f32; 3]>,
@@ -81,8 +81,8 @@ impl ClothTracer {
         let ClothMesh { vertices, normals, quads, wall, fibers } = ClothMesh::new(cloth, domain, mesh, seed)?;
         let heights = || vertices.iter().map(|v| v[2]);
         let (low, high) = (heights().fold(0.0, f32::min) - 0.01, heights().fold(0.0, f32::max) + 0.01);
-        // The warp's quads come first. One family after the other: building takes several times the memory of
-        // what is built.
+        // The warp's quads come first. Families are built one after the other: building takes several times
+        // the memory of the result.
         let first = wall.partition_point(|w| fibers[*w as usize >> 1].family == YarnSet::Warp);
         let walls =
             [0..first, first..quads.len()].map(|range| Walls::new(&vertices, &quads[range.clone()], &wall[range]));
@@ -125,7 +125,7 @@ impl ClothTracer {
         self.size
     }
 
-    /// What a fiber belongs to.
+    /// Yarn, ply and spec of a fiber.
     pub fn thread(&self, fiber: u32) -> &ThreadOfFiber {
         &self.fibers[fiber as usize]
     }
@@ -144,7 +144,7 @@ impl ClothTracer {
             Medium::Air => (u32::MAX, true),
             Medium::Fiber(f) | Medium::Lumen(f) => (f, false),
         };
-        // Where the image that is searched has its middle, and whether its borders count.
+        // Middle of the searched image, and whether its borders count.
         let (mut middle, mut bordered) = ([0.0f32; 2], [true; 2]);
         let own = (!air).then(|| {
             let thread = self.thread(fiber);
@@ -152,7 +152,7 @@ impl ClothTracer {
             (middle[family], bordered[family]) = (thread.across, false);
             family
         });
-        // Into the material: against the normal.
+        // A ray into the material goes against the normal.
         let into = !matches!(medium, Medium::Fiber(_));
         let mut at = [pos.x, pos.y];
         for k in 0..2 {
@@ -238,7 +238,7 @@ impl ClothTracer {
         for corners in [[a, b, d], [a, d, c]] {
             let tri = self.triangle(corners);
             let n = (tri.v1 - tri.v0).cross(tri.v2 - tri.v0);
-            // Into the material: against the normal.
+            // A ray into the material goes against the normal.
             if (n.dot(ray.direction) < 0.0) == into {
                 let t = tri.intersect(ray);
                 if t < best.0 {
@@ -249,7 +249,7 @@ impl ClothTracer {
         best
     }
 
-    /// A position moved into the domain, for numbers of full precision.
+    /// A position moved into the domain, for full precision.
     pub fn folded(&self, pos: Vector3<f32>) -> Vector3<f32> {
         let fold = |x: f32, size: f32| x - size * (x / size).round();
         Vector3::new(fold(pos.x, self.size[0]), fold(pos.y, self.size[1]), pos.z)

@@ -1,6 +1,6 @@
-//! Boundary integrals on absorbing and metallic bodies. Truth first: the series of one circle and of two;
-//! then what must hold of any solution (power balance, one answer at any resolution). Metals have measured
-//! indices (Johnson and Christy 1972).
+//! Tests of boundary integrals on absorbing and metallic bodies. References first: the series of one circle
+//! and of two; then properties of any solution (power balance, independence of resolution). Metals have
+//! measured indices (Johnson and Christy 1972).
 
 use super::curve::CurvePoint;
 use super::extinction::Probes;
@@ -24,7 +24,7 @@ fn both() -> Vec<Source> {
     [Polarization::Tm, Polarization::Te].map(|pol| Source { phi_i: 0.3, pol, beam: None }).to_vec()
 }
 
-/// Largest difference of far fields over the largest value, and of widths over C_ext.
+/// Largest difference of far fields relative to the largest value, and of widths relative to C_ext.
 fn errors(got: &[Scattered], want: &[Scattered]) -> [f64; 2] {
     let (mut field, mut width) = (0.0, 0.0);
     for (got, want) in got.iter().zip(want) {
@@ -58,7 +58,7 @@ fn check_circle(radius_um: f64, index: [f64; 2], wave: &Wave, tolerance: f64) {
     assert!(field < tolerance && width < tolerance, "{radius_um}, {index:?}, {wave:?}: F {field:e}, C {width:e}");
 }
 
-/// From clear to opaque, from thin indices to dense ones, straight and slanted.
+/// Circles from clear to opaque, of low to high indices, at normal and oblique incidence.
 #[test]
 fn absorbing_circles_match_the_series() {
     for eta in [0.1, 0.7, 1.5, 2.5] {
@@ -86,7 +86,7 @@ fn grid_of_absorbing_circles_matches_the_series() {
     }
 }
 
-/// At every tolerance, up to skins of a thousandth of the radius.
+/// Opaque circles keep every tolerance, down to skin depths of a thousandth of the radius.
 #[test]
 fn opaque_circles_keep_any_tolerance() {
     for index in [[1.5, 0.4], metal(Metal::Gold, 0.5), metal(Metal::Silver, 0.6), [0.1, 1.0], [1.0, 20.0], [3.0, 100.0]]
@@ -97,7 +97,7 @@ fn opaque_circles_keep_any_tolerance() {
     }
 }
 
-/// Gold and silver of 20 um, and what is black: 314 waves around the wall.
+/// Gold, silver and black circles of 20 um: 314 waves around the wall.
 #[test]
 #[ignore = "slow: 5 s: thick opaque circles match the series"]
 fn thick_opaque_circles_match_the_series() {
@@ -108,7 +108,7 @@ fn thick_opaque_circles_match_the_series() {
     }
 }
 
-/// Ellipses: powers on three ways add up, and a much finer solution says the same.
+/// Ellipses: powers computed in three ways add up, and a much finer solution agrees.
 #[test]
 fn metal_ellipses_balance_and_converge() {
     for lambda_um in [0.4, 0.55, 0.7] {
@@ -154,7 +154,7 @@ fn coats_cores_and_corners() {
     assert!(field < 1e-5 && width < 1e-5 && unbalance(&got) < 1e-5);
 }
 
-/// Two circles that all but touch, solved at once and compressed, against coupled series.
+/// Two almost touching circles, solved whole and compressed, against coupled series.
 #[test]
 fn close_opaque_circles_match_the_series() {
     let wave = Wave { lambda_um: 0.55, theta_i: 0.0 };
@@ -194,7 +194,7 @@ fn field_absorbing() {
                 .collect();
             let cases = report(&(lines.join("\n") + "\n")).cases;
             for (case, [sca, ext]) in cases.iter().zip(want(kappa_1)) {
-                // The digits as printed.
+                // Allow for the printed digits.
                 let allowed = f64::max(tolerance, 5e-5);
                 assert!((case.c_sca_um / sca - 1.0).abs() < allowed, "{tolerance}: {} {sca}", case.c_sca_um);
                 assert!((case.c_ext_um / ext - 1.0).abs() < allowed, "{tolerance}: {} {ext}", case.c_ext_um);
@@ -205,14 +205,14 @@ fn field_absorbing() {
     }
 }
 
-/// The scene of `tests/data/field/wave_index_matched`, by every method and tolerance, and bodies that are all
-/// but matched: nothing is scattered, which is no error.
+/// The scene of `tests/data/field/wave_index_matched`, by every method and tolerance, and almost matched
+/// bodies: no scattering is not an error.
 #[test]
 fn field_index_matched() {
     let text = include_str!("../../../tests/data/field/wave_index_matched/matched.toml");
     for method in ["auto", "nystrom", "compressed", "hierarchical"] {
         for tolerance in ["0.1", "1e-5", "1e-6"] {
-            // Compressed fields of all but matched bodies are off by the compression, which is refused.
+            // Compressed fields of almost matched bodies have the error of the compression, which is refused.
             let etas: &[&str] =
                 if matches!(method, "auto" | "nystrom") { &["1.0", "1.0000000000001"] } else { &["1.0"] };
             for eta in etas {
@@ -248,7 +248,7 @@ fn wrong_fields_do_not_pass() {
     let weights = vec![2.0 * TAU / n as f64; n];
     let source = both()[0];
     let light = (source.pol, source.plane_waves(&wave, 2.0).unwrap());
-    // Of an index-matched body: the incident fields themselves.
+    // Fields of an index-matched body: the incident fields.
     let matched: Vec<C64> = nodes.iter().flat_map(|p| super::incident::incident(&wave, light.0, &light.1, p)).collect();
     let scaled = |factor: f64| -> Vec<C64> { matched.iter().map(|v| v * factor).collect() };
     for tolerance in [1e-1, 1e-6] {

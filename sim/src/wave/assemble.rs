@@ -2,9 +2,8 @@
 //! symmetry of the walls.
 //!
 //! Quadrature: trapezoidal rule on periodic nodes. On walls between clear media the logarithm is that of
-//! Kussmaul and Martensen (see
-//! [`kernel`](super::kernel)); on others a rule of its own takes the place of nodes around the target
-//! ([`vicinity`](super::vicinity)). Targets close to another wall see it through finer nodes
+//! Kussmaul and Martensen (see [`kernel`](super::kernel)); on others a special rule replaces the nodes around
+//! the target ([`vicinity`](super::vicinity)). Targets close to another wall use finer nodes of it
 //! ([`close`](super::close)).
 
 use super::close::{FINEST, close_row, closeness};
@@ -17,7 +16,7 @@ use super::walls::Wall;
 use super::{C64, Wave, WaveError};
 use rayon::prelude::*;
 
-/// What the matrices follow from.
+/// Input of the matrices.
 pub(super) struct Assembly {
     pub wave: Wave,
     /// Media, the exterior first.
@@ -30,17 +29,17 @@ pub(super) struct Assembly {
     pub tolerance: f64,
 }
 
-/// Targets whose rows around them are held at once.
+/// Number of targets whose vicinity rows are held at once.
 const TARGETS: usize = 64;
 
-/// How nodes of a wall see each other.
+/// Interaction of nodes of one wall.
 enum Own {
     /// Between clear media: weights of the logarithm, by the distance in nodes.
     Clear(Vec<f64>),
     Lossy(Vicinity),
 }
 
-/// How walls see each other.
+/// Kernels between walls.
 struct Kernels {
     wavenumbers: Wavenumbers,
     walls: Vec<WallKernel>,
@@ -58,7 +57,7 @@ impl Assembly {
                     high[k] = high[k].max(p.at[k]);
                 }
             }
-            // Finer nodes of close walls may stand a little outside of the box.
+            // Finer nodes of close walls may be a little outside of the box.
             1.02 * (high[0] - low[0]).hypot(high[1] - low[1])
         };
         let sides = |w: &Wall| [self.media[w.outside], self.media[w.inside]];
@@ -81,7 +80,7 @@ impl Assembly {
         Kernels { wavenumbers: Wavenumbers { k0: self.wave.k0(), kz: self.wave.kz() }, walls, own, media }
     }
 
-    /// The medium that targets on wall a see wall b through, and the sign of b's layers in it.
+    /// The medium between targets on wall a and wall b, and the sign of b's layers in it.
     fn between(&self, a: usize, b: usize) -> Option<(usize, f64)> {
         let (a, b) = (&self.walls[a], &self.walls[b]);
         if b.outside == a.outside || b.outside == a.inside {
@@ -101,12 +100,12 @@ impl Assembly {
     /// block for each character of the symmetry group.
     ///
     /// # Errors
-    /// [`WaveError::Overlap`] for walls that all but touch.
+    /// [`WaveError::Overlap`] for walls that almost touch.
     pub fn matrices(&self, components: &[&'static [usize]]) -> Result<Vec<Vec<Vec<C64>>>, WaveError> {
         let kernels = &self.kernels();
         let orbits = &self.group.orbits;
         let (n, order) = (orbits.len(), self.group.order());
-        // Orbits are ascending: those of a wall are a run.
+        // Orbits are ascending, so those of a wall are consecutive.
         let runs: Vec<(usize, usize)> = self
             .walls
             .iter()
@@ -174,7 +173,7 @@ impl Assembly {
         }
     }
 
-    /// The matrix entries of one pair of nodes; none where the walls share no medium.
+    /// The matrix entries of one pair of nodes; `None` if the walls share no medium.
     #[inline(always)]
     fn pair(&self, kernels: &Kernels, a: usize, target: usize, b: usize, source: usize) -> Option<Entries> {
         let (x, y) = (&self.nodes[target], &self.nodes[source]);
@@ -216,7 +215,7 @@ impl Assembly {
         Some(entries)
     }
 
-    /// Adds what surrounds the targets on walls beside lossy media.
+    /// Adds the vicinities of targets on walls beside lossy media.
     fn add_vicinities(
         &self,
         kernels: &Kernels,
@@ -263,8 +262,7 @@ impl Assembly {
         }
     }
 
-    /// Replaces the rows of targets that stand so close to another wall that its nodes do not resolve the
-    /// kernel.
+    /// Replaces the rows of targets so close to another wall that its nodes do not resolve the kernel.
     fn refine_close(
         &self,
         kernels: &Kernels,

@@ -1,4 +1,4 @@
-//! Maps between the sites of a group and the few that stand for them.
+//! Maps between the sites of a group and the few that represent them.
 
 use super::C64;
 use super::interpolate::Interpolation;
@@ -8,8 +8,8 @@ use faer::linalg::matmul::matmul;
 use faer::{Accum, MatMut, MatRef};
 use std::ops::Range;
 
-/// Columns that copies of large matrices are made of at a time: few enough to be small beside them, many
-/// enough for products at full speed.
+/// Number of columns in a copied strip of a large matrix: small beside the matrix, large enough for products
+/// at full speed.
 pub(crate) const STRIP: usize = 512;
 
 /// `out = a b`, or added to it; all column after column.
@@ -25,9 +25,9 @@ pub(crate) fn gemm(mut out: MatMut<'_, C64>, accum: Accum, a: MatRef<'_, C64>, b
     }
 }
 
-/// The columns X of an interpolation that belong to some of its sites: strengths s of `inputs` sites radiate
-/// as `X s` of `outputs` sites do, and the outputs' received values u give those of the inputs, `X^T u`.
-/// Vectors of several fields have one field after the other.
+/// The columns X of an interpolation that belong to some of its sites: strengths s at `inputs` sites radiate
+/// as `X s` at `outputs` sites, and received values u at the outputs give `X^T u` at the inputs. Vectors of
+/// several fields have one field after the other.
 pub(crate) struct Basis {
     pub outputs: usize,
     pub inputs: usize,
@@ -121,8 +121,8 @@ impl Basis {
         }
     }
 
-    /// Adds `X a Y^T` to `out`, or `Z X a Y^T`, with this as X and a square `a` of all fields of the inputs
-    /// of X and Y; no product with `a` is held whole.
+    /// Adds `X a Y^T` to `out`, or `Z X a Y^T`. X is this basis and `a` a square matrix over all fields of
+    /// the inputs of X and Y; no product with `a` is held whole.
     pub fn around(&self, out: &mut [C64], a: &[C64], y: &Self, z: Option<&Self>, fields: usize) {
         let zero = C64::ZERO;
         let (m, n) = (fields * self.inputs, fields * self.outputs);

@@ -1,46 +1,45 @@
-//! Which solver serves a scene: by its shapes, and for many fibers by the time that each is predicted to
-//! take.
+//! Choice of the solver for a scene: by its shapes, and for many fibers by predicted times.
 
 use super::compressed::MIN_TOLERANCE;
 use super::coupling::SINGLE;
 use super::{Body, C64, Method, Scene, Shape, Wave};
 use std::f64::consts::{PI, TAU};
 
-/// Operations of one core in a second that factorizations reach: complex, in double precision, counted as
-/// real ones. Single precision is twice as fast.
+/// Speed of factorizations on one core [operations/s]: complex in double precision, counted as real
+/// operations. Single precision is twice as fast.
 const SPEED: f64 = 2.5e10;
-/// Seconds of one core that merging takes over (unknowns of a field)^1.5, for one system of one field: 37
-/// fibers of `docs/howto/wave.md`.
+/// Time of merging on one core [s] over (unknowns of a field)^1.5, for one system of one field: 37 fibers of
+/// `docs/howto/wave.md`.
 const MERGING: f64 = 2e-5;
 
-/// Solvers to be tried for a scene at a wave, the cheapest first.
+/// Solvers to try for a scene at a wave, the cheapest first.
 pub(super) fn candidates(scene: &Scene, wave: &Wave) -> Vec<Method> {
     if scene.method == Method::Auto { by_shape(&scene.bodies, wave, scene.tolerance) } else { vec![scene.method] }
 }
 
-/// Solvers that serve these fibers, the cheapest first.
+/// Solvers for these fibers, the cheapest first.
 pub(super) fn by_shape(fibers: &[Body], wave: &Wave, tolerance: f64) -> Vec<Method> {
     let series = fibers.iter().all(is_concentric);
     let mut all = match fibers.len() {
         0 | 1 if series => return vec![Method::Mie],
         1 => return vec![Method::Nystrom],
         // Measured on 2 to 19 fibers of 1 to 5 um: multipoles are 4 to 30 times faster than either of the
-        // others. They fail where walls all but touch.
+        // others. They fail if walls almost touch.
         _ if series => vec![Method::Multipole, Method::Compressed, Method::Nystrom],
-        // On a level for two fibers of 1 um, 4 to 9 times faster for 19 of them. Tolerances below its reach
-        // are left to the other.
+        // The compressed solver equals the other for two fibers of 1 um, and is 4 to 9 times faster for 19 of
+        // them. The other handles tolerances below its reach.
         _ => vec![Method::Compressed, Method::Nystrom],
     };
     let many = tolerance >= MIN_TOLERANCE
         && seconds(Method::Hierarchical, fibers, wave, tolerance) < seconds(all[0], fibers, wave, tolerance);
-    // Behind the others it serves where they do not fit in memory.
+    // As the last one it serves scenes whose other systems do not fit in memory.
     all.insert(if many { 0 } else { all.len() - 1 }, Method::Hierarchical);
     all
 }
 
 /// Predicted time of one core [s] for the coupled system.
 fn seconds(method: Method, fibers: &[Body], wave: &Wave, tolerance: f64) -> f64 {
-    // Waves that fit around all walls.
+    // Number of waves that fit around all walls.
     let waves: f64 = fibers.iter().map(|f| wave.k_rho() * least_length(&f.shape) / PI).sum();
     let (systems, fields) = if wave.kz() == 0.0 { (2.0, 1.0) } else { (1.0, 2.0) };
     let count = fibers.len() as f64;
@@ -61,13 +60,13 @@ fn is_concentric(body: &Body) -> bool {
     matches!(body.shape, Shape::Circle { .. }) && body.lumen.as_deref().is_none_or(inner)
 }
 
-/// The length of a wall, or less [um].
+/// Lower bound of the length of a wall [um].
 pub(super) fn least_length(shape: &Shape) -> f64 {
     match shape {
         Shape::Circle { radius_um } => TAU * radius_um,
         Shape::Ellipse { a_um, b_um } => 4.0 * a_um.max(*b_um),
-        // The root mean square of |z - c_0| is that of the |c_k|: one point is as far from c_0, another lies
-        // beyond c_0, and the wall goes there and back.
+        // The root mean square of |z - c_0| is that of the |c_k|: one point is at that distance from c_0,
+        // another lies beyond c_0, and the wall goes there and back.
         Shape::Fourier { coeffs } => {
             2.0 * coeffs.iter().filter(|(k, _)| *k != 0).map(|(_, c)| c.norm_sqr()).sum::<f64>().sqrt()
         }
@@ -102,8 +101,8 @@ mod tests {
             .collect()
     }
 
-    /// Merging is for many thick fibers, never first for one, few or thin ones, and never below its
-    /// tolerance; it stands in before the plain solver otherwise.
+    /// Merging is first for many thick fibers, never for one, few or thin ones, and never below its
+    /// tolerance; otherwise it comes before the plain solver.
     #[test]
     fn many_fibers_are_merged() {
         let wave = Wave { lambda_um: 0.4, theta_i: 0.0 };

@@ -1,22 +1,22 @@
-//! Response of one circular cylinder, plain or of concentric layers, order by order: what
-//! [`super::MieSolver`] and [`super::MultipoleSolver`] share.
+//! Response of one circular cylinder, plain or of concentric layers, order by order, for [`super::MieSolver`]
+//! and [`super::MultipoleSolver`].
 //!
-//! About the cylinder's center the fields of order n go as `exp(i n phi)`. Exciting light has axial
+//! About the cylinder's center the fields of order n vary as `exp(i n phi)`. Exciting light has axial
 //! amplitudes `a J_n`, scattered light `c H_n`, with two components (e, h) each, and `c = T_n a`. Boundary
-//! matching goes from the inside out and hands on, at each wall, the two equations `A W = B V` between its
+//! matching goes from the inside out and passes on, at each wall, the two equations `A W = B V` between its
 //! continuous axial fields V = (e, h) and the other two continuous quantities of the module's head:
 //!
 //! ```text
 //! W_1 = (k_0 eps d_rho e + (i n k_z / rho) h) / kappa^2      W_2 = (k_0 d_rho h - (i n k_z / rho) e) / kappa^2
 //! ```
 //!
-//! In one medium of index m they part: with `V = (sum g_s / m, sum i s g_s)` and
+//! In one medium of index m they decouple: with `V = (sum g_s / m, sum i s g_s)` and
 //! `W = (m sum w_s, sum i s w_s)`, s = +-1, the circular parts obey `w_s = lambda_s g_s`,
 //! `m lambda_s = k F_n'/(kappa F_n) - s n k_z / (rho kappa^2)`. At grazing latitudes in air the two terms
 //! cancel for one s; written with F_{n-1} or F_{n+1} they do not, and the two rows of A and B, of very
 //! different size then, are never mixed. J and H carry binary exponents throughout, so orders far above the
-//! size parameter, thick lossy layers and thin ones need no special care. (Bohren and Huffman 1983, 8.4, have
-//! the plain cylinder's T as b_nI, a_nII and a_nI, up to sign.)
+//! size parameter, thick lossy layers and thin ones need no special treatment. (Bohren and Huffman 1983, 8.4,
+//! give the plain cylinder's T as b_nI, a_nII and a_nI, up to sign.)
 
 use super::special::{Sequence, power_of_two};
 use super::{Body, C64, Shape, Wave, WaveError};
@@ -84,9 +84,8 @@ impl Circle {
     }
 }
 
-/// Responses of orders 0..=n of one cylinder. All amplitudes are counted at the wall by the power of two next
-/// to |H_n|, so that nothing overflows:
-/// exciting `a / s_n`, scattered `c s_n`, s_n = 2^exponent.
+/// Responses of orders 0..=n of one cylinder. All amplitudes are scaled at the wall by the power of two next
+/// to |H_n|, so that nothing overflows: exciting `a / s_n`, scattered `c s_n`, s_n = 2^exponent.
 #[derive(Clone, Debug)]
 pub(super) struct Response {
     orders: Vec<Order>,
@@ -107,13 +106,13 @@ struct Order {
 }
 
 impl Response {
-    /// `hankel` holds H of the outside at the wall, at least to order n + 1.
+    /// Computes the orders up to n; `hankel` holds H of the outside at the wall, at least to order n + 1.
     pub fn new(circle: &Circle, wave: &Wave, hankel: &Sequence, top: usize) -> Result<Self, WaveError> {
         let radius_um = circle.radius_um();
         let outside = Medium::new(wave, C64::new(1.0, 0.0));
         let bessel = Sequence::bessel(outside.kappa * radius_um, top + 1);
-        // From the core outwards: the medium with its functions at the wall it begins at (none for the core)
-        // and at the one it ends at.
+        // From the core outwards: each medium with its functions at its inner wall (none for the core) and at
+        // its outer wall.
         let mut layers = Vec::with_capacity(circle.layers.len());
         for (i, &(radius, index)) in circle.layers.iter().enumerate().rev() {
             let medium = Medium::new(wave, index);
@@ -141,8 +140,8 @@ impl Response {
                     wall = if let (Some((begin, j_in, h_in)), Some(h_out)) = (inner, h_out) {
                         let reflected = medium.reflect(&wall, j_in, h_in, n, *begin);
                         let h = medium.wave_at(h_out, n, *radius);
-                        // J + H T with the exponents of J at the outer wall taken out: T is counted by H at
-                        // the inner one.
+                        // J + H T without the exponents of J at the outer wall: T is scaled by H at the inner
+                        // one.
                         let shift = h_out.get(n).exponent - 2 * h_in.get(n).exponent - j_out.get(n).exponent;
                         let weight = power_of_two(shift);
                         let (mut v, mut w) = ([[ZERO; 2]; 2], [[ZERO; 2]; 2]);
@@ -171,7 +170,7 @@ impl Response {
                 let y = multiply(&inverse(&wall.a), &wall.b);
                 let (mut t, mut inside, mut y) = (t, inside, y);
                 if outside.kz == 0.0 {
-                    // At normal incidence e and h go apart exactly.
+                    // At normal incidence e and h decouple exactly.
                     for m in [&mut t, &mut inside, &mut y] {
                         (m[0][1], m[1][0]) = (ZERO, ZERO);
                     }
@@ -232,7 +231,7 @@ struct Medium {
     kappa: C64,
 }
 
-/// A radial function and what it makes of the admittance, with the exponent of the function taken out.
+/// A radial function and its admittance, without the exponent of the function.
 struct RadialWave {
     value: C64,
     /// `lambda_s F_n / index` for s = +1, -1.
@@ -271,7 +270,7 @@ impl Medium {
         (wall.a.map(|row| part(row, m)), wall.b.map(|row| part(row, 1.0 / m)))
     }
 
-    /// A wall within which this medium goes on to the center: `F w_s = lambda_s F g_s`.
+    /// A wall within which this medium extends to the center: `F w_s = lambda_s F g_s`.
     fn wall_of_core(&self, j: &RadialWave) -> Wall {
         let m = self.index;
         let row = |s: usize, scale: C64, f: C64| [f * scale, if s == 0 { -I * f } else { I * f }];
@@ -279,8 +278,7 @@ impl Medium {
     }
 
     /// A wall with the circular parts `v, w` of two independent solutions within, a column each: W V^-1 as
-    /// A^-1 B by reciprocity, which says that it is its own transpose but for the sign of the elements off
-    /// the diagonal.
+    /// A^-1 B by reciprocity: it equals its own transpose up to the sign of the off-diagonal elements.
     fn wall_of_fields(&self, v: &M2, w: &M2) -> Wall {
         let m = self.index;
         let rows = |x: &M2, scale: C64| [0, 1].map(|c| [(x[0][c] + x[1][c]) * scale, -I * (x[0][c] - x[1][c])]);
@@ -306,7 +304,7 @@ struct Wall {
 }
 
 impl Wall {
-    /// Rows brought to size 1.
+    /// Rows scaled to size 1.
     fn balanced(mut self) -> Self {
         for r in 0..2 {
             let size = self.a[r].iter().chain(&self.b[r]).map(|x| x.norm()).fold(0.0, f64::max);
@@ -344,7 +342,7 @@ fn inverse(m: &M2) -> M2 {
 /// Orders above which `|J_n / H_n|` at x is below `cut`, the size of a cylinder's scattering off any
 /// resonance.
 pub(super) fn order_for(x: f64, cut: f64) -> usize {
-    // Beyond x both go with alpha, cosh(alpha) = n/x: |J_n / H_n| ~ exp(-2 n (alpha - tanh alpha)) / 2
+    // Beyond x both depend on alpha, cosh(alpha) = n/x: |J_n / H_n| ~ exp(-2 n (alpha - tanh alpha)) / 2
     // (Debye, DLMF 10.19.3).
     let mut n = x.ceil().max(1.0);
     loop {

@@ -1,5 +1,5 @@
-//! Targets that stand so close to another wall that its nodes do not resolve the kernel: finer nodes, on
-//! which the density is interpolated by trigonometric polynomials.
+//! Finer nodes for targets so close to another wall that its nodes do not resolve the kernel. The density is
+//! interpolated to them by trigonometric polynomials.
 
 use super::C64;
 use super::curve::{Curve, CurvePoint};
@@ -9,16 +9,16 @@ use std::f64::consts::{PI, TAU};
 
 /// Half width of the window in which a close wall is refined, in its nodes.
 pub(crate) const WINDOW_NODES: f64 = 12.0;
-/// Most nodes a close wall's node is refined to.
+/// Largest number of finer nodes per node of a close wall.
 pub(crate) const FINEST: f64 = 128.0;
 
-/// Parameter of the point of `curve` nearest to `target` and the refinement its kernel needs there; none
-/// where the nodes do.
+/// Parameter of the point of `curve` nearest to `target` and the refinement that its kernel needs there;
+/// `None` if the nodes resolve it.
 pub(crate) fn closeness(target: &CurvePoint, curve: &Curve, tolerance: f64) -> Option<(f64, f64)> {
     let digits = (10.0 / tolerance).ln();
-    // The trapezoidal rule is off by exp(-2 pi distance / spacing) of what it sums, which grows as kernels of
-    // both sides cancel: measured on walls of metal and glass 0.01 to 0.2 um thick, as the third power of
-    // what the nodes lack.
+    // The relative error of the trapezoidal rule is exp(-2 pi distance / spacing) of its terms, which grow as
+    // kernels of both sides cancel: measured on walls of metal and glass 0.01 to 0.2 um thick, as the third
+    // power of the missing refinement.
     let needed = |distance: f64, speed: f64| {
         let coarse = curve.step() * speed / distance;
         (digits + 3.0 * coarse.max(1.0).ln()) * coarse / TAU
@@ -27,7 +27,7 @@ pub(crate) fn closeness(target: &CurvePoint, curve: &Curve, tolerance: f64) -> O
     let (nearest, distance) =
         curve.nodes.iter().map(apart).enumerate().min_by(|a, b| a.1.total_cmp(&b.1)).expect("a wall has nodes");
     let node = &curve.nodes[nearest];
-    // Nodes may stand half a spacing beside the nearest point.
+    // Nodes may be half a spacing beside the nearest point.
     let least = (distance * distance - (0.6 * curve.step() * node.speed).powi(2)).max(0.0).sqrt();
     if least > 0.0 && needed(least, node.speed) <= 1.0 {
         return None;
@@ -44,7 +44,7 @@ pub(crate) fn closeness(target: &CurvePoint, curve: &Curve, tolerance: f64) -> O
 }
 
 /// Entries of one target against all nodes of a wall close to it: inside a smooth window around the nearest
-/// point the wall's own nodes give way to finer ones, to which the density is interpolated.
+/// point, finer nodes replace the wall's own, and the density is interpolated to them.
 pub(super) fn close_row(
     wavenumbers: &Wavenumbers,
     kernel: &MediumKernel,

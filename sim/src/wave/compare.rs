@@ -1,13 +1,13 @@
-//! Wave against ray over instances of a ply's cross section (Yu 2025, 4.5, Fig. 7): the same fibers, the same
-//! beam, by both optics.
+//! Comparison of wave and ray optics over instances of a ply's cross section (Yu 2025, 4.5, Fig. 7), with the
+//! same fibers and the same beam.
 //!
-//! Waves: the far field of beam and scattered light together, mean of TM and TE, each by its own exact solve.
+//! Waves: the far field of beam and scattered light together, mean of TM and TE, each from an exact solve.
 //! Rays: f_miss + f_refl + f_high of the walk in 2D over smooth walls, with the position and angle of the
 //! beam at each wavelength (the paper takes the angles of 0.55 um for all). Both are shares of the beam's
 //! power per azimuth, in bins of half a degree; coarser ones are their means.
 //!
 //! The pair of a section and a wavelength is one shard. Instance i is the same section whatever the number of
-//! instances, so that a run can be made longer.
+//! instances, so that a run can be extended.
 
 use super::likeness::{Likeness, Spread, binned, coarser, correlation, likeness, mean_and_sd};
 use super::scatter::solver_of;
@@ -27,18 +27,18 @@ use std::f64::consts::{FRAC_PI_2, PI, TAU};
 use std::sync::OnceLock;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// Bins of the azimuth that are kept: half a degree.
+/// Number of stored azimuth bins, half a degree each.
 pub const BINS: usize = 720;
-/// Widths of the bins that are compared, in those bins.
+/// Widths of the compared bins, in stored bins.
 const FACTORS: [usize; 4] = [1, 2, 6, 20];
-/// One degree, in those bins.
+/// One degree, in stored bins.
 const DEGREE: usize = 2;
-/// Half of the range about exact forward that is left out where the report says so [degrees]: some fifteen
-/// times the beam's spread, so that the rest is light that a fiber deflected.
+/// Half of the range about exact forward that off-forward results exclude [degrees]: some fifteen times the
+/// beam's spread, so that the rest is light that a fiber deflected.
 const FORWARD_DEG: f64 = 10.0;
-/// Curves of a case in a shard: total by waves, missed, reflected, other by rays.
+/// Number of curves of a case in a shard: total by waves; missed, reflected and other light by rays.
 const CURVES: usize = 4;
-/// Numbers of a case in a shard: shares scattered, absorbed, extinguished by waves, killed of rays.
+/// Number of shares of a case in a shard: scattered, absorbed and extinguished by waves; killed rays.
 const SHARES: usize = 4;
 
 /// Sizes of a comparison.
@@ -95,7 +95,7 @@ impl CompareOptions {
         self.h_rel.iter().map(|h| h * spec.ply_radii_um()[0]).collect()
     }
 
-    /// What a shard depends on: a run can be made longer.
+    /// The options that a shard depends on; others allow a longer run.
     fn of_a_shard(&self) -> Self {
         CompareOptions { instances: 0, ..self.clone() }
     }
@@ -104,15 +104,15 @@ impl CompareOptions {
 /// Shares of the beam's power, over the instances.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Energies {
-    /// All light that leaves, beam included, by waves.
+    /// All outgoing light, beam included, by waves.
     pub wave_total: Spread,
     /// C_sca over the beam's power.
     pub wave_scattered: Spread,
     /// C_abs.
     pub wave_absorbed: Spread,
-    /// C_ext: what the beam's own far field lost.
+    /// C_ext: loss of the beam's own far field.
     pub wave_extinguished: Spread,
-    /// Rays that met no fiber.
+    /// Rays that hit no fiber.
     pub ray_miss: Spread,
     /// Rays that were reflected only.
     pub ray_refl: Spread,
@@ -122,19 +122,19 @@ pub struct Energies {
     pub ray_killed: Spread,
 }
 
-/// Waves and rays in bins of one width.
+/// Comparison of waves and rays in bins of one width.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Resolved {
     /// Width of the bins [degrees].
     pub bin_deg: f64,
-    /// The averages over all instances.
+    /// Likeness of the averages over all instances.
     pub average: Likeness,
-    /// The relative L2 distance that the instances' spread alone would leave: root of the sum of the
-    /// variances of wave minus ray, over their number.
+    /// The relative L2 distance due to the instances' spread alone: root of the sum of the variances of wave
+    /// minus ray, over their number.
     pub average_noise_l2: f64,
-    /// The averages without 10 degrees either side of exact forward.
+    /// Likeness of the averages without 10 degrees on either side of exact forward.
     pub average_off_forward: Likeness,
-    /// The noise of that.
+    /// The relative L2 distance of these due to the spread alone.
     pub average_off_forward_noise_l2: f64,
     /// Correlations of the single instances.
     pub single_correlation: Spread,
@@ -157,7 +157,7 @@ pub struct CompareCurves {
     pub ray_mean: Vec<f64>,
     /// Standard deviation from instance to instance.
     pub ray_sd: Vec<f64>,
-    /// The part of the rays' mean that met no fiber.
+    /// The part of the rays' mean that hit no fiber.
     pub ray_miss_mean: Vec<f64>,
     /// The first instance by waves.
     pub wave_first: Vec<f64>,
@@ -176,13 +176,13 @@ pub struct CompareCase {
     pub h_um: f64,
     /// Shares of the beam's power.
     pub energies: Energies,
-    /// By width of the bins.
+    /// Results by width of the bins.
     pub resolutions: Vec<Resolved>,
     /// The curves.
     pub curves: CompareCurves,
 }
 
-/// Two wavelengths at one offset, both by waves: how little of color is left in the averages.
+/// Comparison of two wavelengths at one offset, both by waves: the averages have little color.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct AcrossWavelengths {
     /// Wavelengths [um].
@@ -195,7 +195,7 @@ pub struct AcrossWavelengths {
     pub single_correlation: Spread,
 }
 
-/// What `plywave compare` writes as `report.json`.
+/// Report of `plywave compare`, in `report.json`.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct CompareReport {
     /// Program version.
@@ -212,29 +212,28 @@ pub struct CompareReport {
     pub w0_um: f64,
     /// Absorption coefficient [1/um].
     pub sigma_per_um: f64,
-    /// Error asked of the solver.
+    /// Tolerance of the solver.
     pub tolerance: f64,
     /// Rays of an instance, wavelength and offset.
     pub paths: u64,
-    /// Half of the range about forward that is left out where so said [degrees].
+    /// Half of the range about forward that off-forward results exclude [degrees].
     pub forward_deg: f64,
     /// Cases, offsets within wavelengths.
     pub cases: Vec<CompareCase>,
-    /// Pairs of neighbouring wavelengths.
+    /// Pairs of neighboring wavelengths.
     pub across_wavelengths: Vec<AcrossWavelengths>,
     /// Text of the spec.
     pub spec: String,
 }
 
-/// What makes a solver for the bodies of a section.
+/// Constructor of a solver for the bodies of a section.
 pub(crate) type MakeSolver<'a> = dyn Fn(&[Body], &Wave, f64) -> Result<Solver, WaveError> + Sync + 'a;
 
 /// Runs both optics over the instances of `spec`, whose text is kept in the report, on the current thread
 /// pool.
 ///
 /// # Errors
-/// What the geometry, the solvers ([`SimError::Wave`]) and the parts folder refuse;
-/// [`SimError::Interrupted`].
+/// Errors of the geometry, the solvers ([`SimError::Wave`]) and the parts folder; [`SimError::Interrupted`].
 pub fn compare(
     spec: &YarnSpec,
     spec_text: &str,
@@ -262,7 +261,7 @@ impl CompareJob<'static> {
         CompareJob::with_solver(spec, spec_text, options, &solver_of)
     }
 
-    /// The same job from its description and its number of instances.
+    /// The job of a description and a number of instances.
     ///
     /// # Errors
     /// [`SimError::Merge`] and those of the spec.
@@ -281,7 +280,7 @@ impl<'a> CompareJob<'a> {
         options: &CompareOptions,
         solver: &'a MakeSolver<'a>,
     ) -> Result<Self, SimError> {
-        // Rays walk dielectrics of one index here, by one absorption.
+        // Here rays need dielectrics of one index and one absorption.
         let kinds = [
             (spec.blend.is_some(), "a blend"),
             (spec.fiber.is_opaque(), "an opaque fiber"),
@@ -300,8 +299,8 @@ impl<'a> CompareJob<'a> {
         Ok(CompareJob { spec, spec_text, options, solver, sections: OnceLock::new() })
     }
 
-    /// All sections, made when they are first asked for, so that fibers that do not fit are told before hours
-    /// of work.
+    /// All sections, built at the first call, so that fibers that do not fit are reported before hours of
+    /// work.
     fn sections(&self) -> Result<&[PlySection], SimError> {
         if let Some(sections) = self.sections.get() {
             return Ok(sections);
@@ -371,7 +370,7 @@ impl Job for CompareJob<'_> {
     }
 }
 
-/// One instance at wavelength `at`: `[h]` of the curves, then of the shares; and the most memory it took.
+/// One instance at wavelength `at`: `[h]` of the curves, then of the shares; and its peak memory.
 fn one(
     spec: &YarnSpec,
     options: &CompareOptions,
@@ -396,7 +395,7 @@ fn one(
     let n = sources.iter().map(|s| azimuths(&wave, s, extent_um, BINS)).max().unwrap_or(BINS);
     let scattered = prepared.scatter(&sources, n)?;
     let stats = prepared.stats();
-    // Asked this way, a NaN does not pass.
+    // Written this way, a NaN fails the check.
     let solved = stats.residual <= options.tolerance;
     if !solved {
         return Err(WaveError::NotConverged { residual: stats.residual, iterations: 1 }.into());
@@ -456,7 +455,7 @@ fn ray_total(part: &Part, k: usize) -> Vec<f64> {
     (0..BINS).map(|bin| miss[bin] + refl[bin] + high[bin]).collect()
 }
 
-/// Everything that is told of the finished shards.
+/// Report of the finished shards.
 fn report(spec: &YarnSpec, spec_text: &str, options: &CompareOptions, parts: &[Part]) -> CompareReport {
     let (l, h) = (options.lambda_um.len(), options.h_rel.len());
     let h_um = options.h_um(spec);
@@ -529,12 +528,12 @@ fn report(spec: &YarnSpec, spec_text: &str, options: &CompareOptions, parts: &[P
     }
 }
 
-/// Waves and rays in bins of `factor` of the kept ones.
+/// Compares waves and rays in bins of `factor` stored ones.
 fn resolved(waves: &[Vec<f64>], rays: &[Vec<f64>], factor: usize) -> Resolved {
     let coarse = |curves: &[Vec<f64>]| -> Vec<Vec<f64>> { curves.iter().map(|c| coarser(c, factor)).collect() };
     let (waves, rays) = (coarse(waves), coarse(rays));
     let bin_deg = 360.0 * factor as f64 / BINS as f64;
-    // Bins that lie off forward as a whole.
+    // Bins entirely off forward.
     let off = |curves: &[Vec<f64>]| -> Vec<Vec<f64>> {
         let keep = |bin: usize| ((bin as f64 + 0.5) * bin_deg - 270.0).abs() >= FORWARD_DEG + 0.5 * bin_deg - 1e-9;
         curves.iter().map(|c| c.iter().enumerate().filter(|(bin, _)| keep(*bin)).map(|(_, v)| *v).collect()).collect()
@@ -558,7 +557,7 @@ fn resolved(waves: &[Vec<f64>], rays: &[Vec<f64>], factor: usize) -> Resolved {
     }
 }
 
-/// Likeness of the averages, and the relative L2 distance that chance leaves between them.
+/// Likeness of the averages, and the relative L2 distance between them due to chance.
 fn averages(waves: &[Vec<f64>], rays: &[Vec<f64>]) -> (Likeness, f64) {
     let (wave, ray) = (mean_and_sd(waves).0, mean_and_sd(rays).0);
     let apart: Vec<Vec<f64>> =

@@ -1,4 +1,4 @@
-//! Waves against rays on fibers whose scattering is known; threads, stops and longer runs.
+//! Tests of the comparison of waves and rays on fibers of known scattering; threads, stops and longer runs.
 
 use super::compare::*;
 use super::likeness::{coarser, correlation};
@@ -37,8 +37,8 @@ fn compare_with(
     runs::run(&CompareJob::with_solver(spec, text, options, solver)?, run)
 }
 
-/// Clear fibers: both optics give back the beam, waves to the solver's accuracy; the share that missed is
-/// that of rays. With absorption both keep less.
+/// Clear fibers: both optics conserve the beam's power, waves to the solver's accuracy; the missed share is
+/// that of rays. With absorption both have less.
 #[test]
 fn energies_add_up() {
     let spec = YarnSpec::parse(ONE, "one.toml").unwrap();
@@ -65,8 +65,8 @@ fn energies_add_up() {
     }
 }
 
-/// A fiber of hundreds of wavelengths in coarse bins is what rays say: the whole chain from section to
-/// likeness, with angles, sides and offsets right.
+/// A fiber of hundreds of wavelengths in coarse bins agrees with rays: tests the whole chain from section to
+/// likeness, with angles, sides and offsets.
 #[test]
 fn thick_fibers_are_ray_optics() {
     let text = ONE.replace("radius_um = 4.0", "radius_um = 40.0").replace("radius_um = 6.0", "radius_um = 52.0");
@@ -120,7 +120,7 @@ fn threads_stops_and_more_instances_do_not_matter() {
     assert_eq!(whole(2, again, &options).unwrap(), want);
 }
 
-/// A solver that loses a hundredth of what it scatters.
+/// A solver that loses a hundredth of the scattered light.
 struct Leaky(Solver);
 
 impl WaveSolver for Leaky {
@@ -135,7 +135,7 @@ impl WaveSolver for Leaky {
     }
 }
 
-/// A solver that loses power is found out.
+/// A solver that loses power is detected.
 #[test]
 fn lost_power_is_an_error() {
     let spec = YarnSpec::parse(ONE, "one.toml").unwrap();

@@ -1,15 +1,16 @@
-//! Many bodies: each solved once by itself, its outside response compressed on its outline, and the small
-//! responses coupled.
+//! Solver for many bodies: each is solved once by itself, its outside response is compressed on its outline,
+//! and the small responses are coupled.
 //!
-//! A body's boundary equations ([`system`](super::system)) take the fields that arrive from outside to the
-//! total fields on its wall. Between bodies only the exterior's Green function acts, at a rank little above
-//! `2 k_rho r`: each body is reduced to a [`skeleton`](super::skeleton) of its outer wall, found against what
-//! the others can see of it, and to the matrix T from what its sites receive to what they radiate. The
-//! [`coupling`](super::coupling) of all is a dense system that is factorized once; directions, beams and
-//! polarizations are its right-hand sides. Equal bodies share their boundary equations, wherever they lie.
+//! A body's boundary equations ([`system`](super::system)) map the fields that arrive from outside to the
+//! total fields on its wall. Between bodies only the exterior's Green function acts, with a rank little above
+//! `2 k_rho r`. Each body is reduced to a [`skeleton`](super::skeleton) of its outer wall, accurate for
+//! fields at the others, and to the matrix T from the values that its sites receive to the strengths that
+//! they radiate. The [`coupling`](super::coupling) of all is a dense system that is factorized once;
+//! directions, beams and polarizations are its right-hand sides. Equal bodies share their boundary equations,
+//! wherever they lie.
 //!
-//! The coupled system is factorized whole, or by merging groups of bodies ([`hierarchy`](super::hierarchy)),
-//! which many bodies ask for.
+//! The coupled system is factorized whole, or for many bodies by merging groups of them
+//! ([`hierarchy`](super::hierarchy)).
 
 use super::coupling::{Coupling, Factors, SINGLE, product};
 use super::curve::{CurvePoint, Resolution};
@@ -29,37 +30,37 @@ use std::f64::consts::PI;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// Tolerance of the skeletons over that of the far field. Errors grow on their way by the strength of
-/// multiple scattering: a few hundredfold for a ply of clear fibers of 15 um at 0.4 um, 0.2 um apart. A digit
-/// more costs some 5 % more sites there.
+/// Tolerance of the skeletons over that of the far field. Errors grow by the strength of multiple scattering:
+/// a few hundredfold for a ply of clear fibers of 15 um at 0.4 um, 0.2 um apart. A digit more costs some 5 %
+/// more sites there.
 const SKELETON: f64 = 2e-3;
-/// Tolerance of groups of bodies over that of the skeletons. What bodies send each other is off by this times
-/// the coefficients of all levels of groups above, and by the strength of multiple scattering on top: the
-/// residual is proportional to it (19 and 37 fibers of 15 um at 0.4 um, over three decades) and grows with
-/// the number of fibers. A digit takes some 4 % more time and memory. With these five, 37 fibers leave 4e-8
-/// and 200 leave 9e-7.
+/// Tolerance of groups of bodies over that of the skeletons. The error of light between bodies is this times
+/// the coefficients of all levels of groups above, times the strength of multiple scattering: the residual is
+/// proportional to it (19 and 37 fibers of 15 um at 0.4 um, over three decades) and grows with the number of
+/// fibers. A digit takes some 4 % more time and memory. With these five digits, the residual is 4e-8 for 37
+/// fibers and 9e-7 for 200.
 const GROUPS: f64 = 1e-5;
-/// Systems of all parts together that are held at once [bytes]; larger ones are held one at a time.
+/// Largest size of all parts' systems that are held at once [bytes]; larger ones are held one at a time.
 const HELD: f64 = 2e9;
 /// Tolerance of the coupled system's residual over that of the far field.
 const COUPLED: f64 = 1e-2;
-/// Least tolerance that is promised: at 1e-8 the tests' crowd is off by 1e-7.
+/// Least guaranteed tolerance: at 1e-8 the error of the tests' crowd is 1e-7.
 pub(super) const MIN_TOLERANCE: f64 = 2e-7;
 /// Sources whose fields on all walls are held at once.
 const BATCH: usize = 32;
 
 /// A body in the scene.
 struct Member {
-    /// Which of the boundary systems is its own.
+    /// Index of its boundary system.
     shape: usize,
     /// Nodes of its outer wall in the scene.
     nodes: Vec<CurvePoint>,
-    /// Arc length each stands for [um].
+    /// Arc length of each node [um].
     weights: Vec<f64>,
     skeleton: Skeleton,
 }
 
-/// How bodies are coupled.
+/// Coupling of the bodies.
 enum Coupled {
     /// A single body.
     Alone,
@@ -95,8 +96,8 @@ pub struct CompressedSolver {
 }
 
 impl CompressedSolver {
-    /// Prepares `bodies` (any outline, nested to any depth, lossy or not) so that far fields are off by about
-    /// `tolerance` relative to their largest value.
+    /// Prepares `bodies` (any outline, nested to any depth, lossy or not) for far fields with an error of
+    /// about `tolerance` relative to their largest value.
     ///
     /// # Errors
     /// Bad numbers and shapes, walls that overlap, a tolerance out of reach, a system larger than the free
@@ -114,7 +115,7 @@ impl CompressedSolver {
         Self::with_skeletons(bodies, wave, tolerance, SKELETON * tolerance, true)
     }
 
-    /// Either, with a tolerance for the skeletons of its own.
+    /// Either solver, with a separate tolerance for the skeletons.
     pub(crate) fn with_skeletons(
         bodies: &[Body],
         wave: &Wave,
@@ -126,13 +127,13 @@ impl CompressedSolver {
             return Err(WaveError::Unreachable { method: "compressed", asked: tolerance, reachable: MIN_TOLERANCE });
         }
         if bodies.is_empty() || !(tolerance > 0.0 && tolerance < 1.0) {
-            // The boundary equations say what is wrong.
+            // The boundary equations report errors.
             BoundarySystem::new(bodies, wave, tolerance)?;
         }
         let resolution = Resolution::new(bodies, tolerance);
         let walls = trace_walls(bodies, wave, &resolution)?.1;
         if bodies.len() > 1 {
-            // Before anything is made: a skeleton has more sites than waves that fit around the wall, k_rho
+            // A check before any work: a skeleton has more sites than waves that fit around the wall, k_rho
             // length / pi.
             let length: f64 = walls
                 .iter()
@@ -245,7 +246,7 @@ impl CompressedSolver {
         Exterior { kernel: &self.kernel, k_rho: self.wave.k_rho() }
     }
 
-    /// Transfers and factors, after a look at the memory they take.
+    /// Prepares transfers and factors, after a check of their memory.
     fn prepare(&mut self) -> Result<(), WaveError> {
         let fields = self.fields();
         let counts: Vec<f64> = self.members.iter().map(|m| (fields * m.skeleton.sites.len()) as f64).collect();
@@ -282,7 +283,7 @@ impl CompressedSolver {
                 .sum::<usize>()
     }
 
-    /// Groups of bodies and their responses, after a look at the memory they take.
+    /// Prepares groups of bodies and their responses, after a check of their memory.
     fn merge(&mut self, tolerance: f64) -> Result<(), WaveError> {
         let leaves: Vec<Leaf<'_>> = self
             .members
@@ -304,12 +305,12 @@ impl CompressedSolver {
         check_free((fields * sites) as f64, kept + bytes.work)?;
         self.peak_bytes = (bytes.plan + kept + bytes.work) as usize + self.held_bytes();
         self.coupled = Coupled::Merged { groups, all, parts: Mutex::new(vec![None; count]) };
-        // The rest is found when a source asks for it.
+        // The rest is computed when a source needs it.
         (0..if all { count } else { 1 }).for_each(|part| drop(self.factored(part)));
         Ok(())
     }
 
-    /// The merged system of a part: held, or made anew in place of that of another part.
+    /// The merged system of a part: held, or computed anew to replace another part's.
     fn factored(&self, part: usize) -> Option<Arc<Factored>> {
         let Coupled::Merged { groups, all, parts } = &self.coupled else { return None };
         {
@@ -321,13 +322,13 @@ impl CompressedSolver {
                 parts.fill(None);
             }
         }
-        // The lock is open meanwhile: threads that wait for this one's work may ask for the same.
+        // The lock is open meanwhile, as threads that wait for this one's work may need the same system.
         let made = Arc::new(groups.factorize(self.fields(), self.exterior(), &|b| self.transfer(part, b)));
         parts.lock().unwrap_or_else(PoisonError::into_inner)[part] = Some(made.clone());
         Some(made)
     }
 
-    /// T of a body: what its sites radiate for a unit received at each.
+    /// T of a body: strengths radiated by its sites for a unit received at each.
     fn transfer(&self, part: usize, b: usize) -> Vec<C64> {
         let size = self.fields() * self.members[b].skeleton.sites.len();
         let (densities, _) = self.respond(part, b, None, size);
@@ -335,7 +336,8 @@ impl CompressedSolver {
     }
 
     /// Densities of a part on all walls of a body (components side by side, node after node, column after
-    /// column) for what its sites receive (a unit at one after the other if not given), and the residual.
+    /// column) for the values that its sites receive (default: a unit at each site in turn), and the
+    /// residual.
     fn respond(&self, part: usize, b: usize, received: Option<&[C64]>, columns: usize) -> (Vec<C64>, f64) {
         let member = &self.members[b];
         let system = &self.shapes[member.shape];
@@ -389,7 +391,7 @@ impl CompressedSolver {
         (rhs, residual)
     }
 
-    /// Strengths of a body's sites that radiate as its densities do.
+    /// Strengths of a body's sites that radiate the same field as its densities.
     fn radiate(&self, part: usize, b: usize, densities: &[C64], columns: usize) -> Vec<C64> {
         let member = &self.members[b];
         let c = self.parts[part].len();
@@ -422,7 +424,7 @@ impl CompressedSolver {
         out
     }
 
-    /// What the sites of a body receive of plane waves of unit axial field.
+    /// Values that the sites of a body receive from plane waves of unit axial field.
     fn external(&self, b: usize, waves: &[PlaneWave]) -> Vec<C64> {
         let k_rho = self.wave.k_rho();
         let directions: Vec<(f64, f64)> = waves.iter().map(|w| w.phi_i.sin_cos()).collect();
@@ -455,7 +457,7 @@ impl CompressedSolver {
             (0..sources.len()).filter(own).collect()
         };
         let outer: usize = self.members.iter().map(|m| m.nodes.len()).sum();
-        // The first part is made before there are fields on walls to be held.
+        // The first part is computed before fields on walls take memory.
         drop((0..self.parts.len()).find(|&p| !columns_of(p).is_empty()).and_then(|p| self.factored(p)));
         let mut total = vec![C64::ZERO; 4 * outer * sources.len()];
         let mut residual: f64 = 0.0;
@@ -532,7 +534,7 @@ impl CompressedSolver {
                 first += n;
             }
         }
-        // Residuals are not negative: their bits are ordered as they are.
+        // Residuals are not negative, so the order of their bits is theirs.
         self.residual.fetch_max(residual.to_bits(), Ordering::Relaxed);
         if residual.is_nan() || residual > 0.1 * self.tolerance {
             return Err(WaveError::NotConverged { residual, iterations: 0 });
@@ -559,7 +561,7 @@ impl CompressedSolver {
 /// Memory of the coupled systems [bytes].
 ///
 /// # Errors
-/// More than is free.
+/// If it exceeds the free memory.
 fn check_memory(unknowns: f64, systems: f64, tolerance: f64) -> Result<f64, WaveError> {
     let bytes = if tolerance >= SINGLE { 8.0 } else { 16.0 };
     // Right-hand sides, blocks under way and factorization come on top.
@@ -569,7 +571,7 @@ fn check_memory(unknowns: f64, systems: f64, tolerance: f64) -> Result<f64, Wave
 }
 
 /// # Errors
-/// `need` bytes are more than is free.
+/// If `need` bytes exceed the free memory.
 fn check_free(unknowns: f64, need: f64) -> Result<(), WaveError> {
     if let Some(have) = memory::available_bytes().map(|b| b as f64).filter(|have| need > *have) {
         let gib = 1.0 / (1u64 << 30) as f64;
@@ -580,8 +582,8 @@ fn check_free(unknowns: f64, need: f64) -> Result<(), WaveError> {
 
 impl WaveSolver for CompressedSolver {
     fn scatter(&self, sources: &[Source], n_phi_out: usize) -> Result<Vec<Scattered>, WaveError> {
-        // One polarization after the other: at normal incidence each has a system of its own, and not all may
-        // be held at once.
+        // One polarization after the other: at normal incidence each has its own system, and not all may be
+        // held at once.
         let mut order: Vec<usize> = (0..sources.len()).collect();
         order.sort_by_key(|&s| sources[s].pol == Polarization::Te);
         let together = |&a: &usize, &b: &usize| self.fields() == 2 || sources[a].pol == sources[b].pol;

@@ -95,7 +95,7 @@ fn close_walls_are_refined() {
     }
 }
 
-/// Circles against the multipole series, an independent truth.
+/// Circles match the multipole series, an independent reference.
 #[test]
 #[ignore = "slow: 5 s: circles match the multipole series"]
 fn circles_match_the_multipole_series() {
@@ -116,7 +116,7 @@ fn circles_match_the_multipole_series() {
     }
 }
 
-/// A single body goes through its skeleton alone.
+/// A single body uses its skeleton alone.
 #[test]
 fn single_bodies_match_the_plain_solver() {
     let mut hollow = body(Shape::Ellipse { a_um: 1.0, b_um: 0.8 }, [0.4, -0.3], 0.2, 1.55, 0.01);
@@ -168,7 +168,7 @@ fn bad_input_is_refused() {
         CompressedSolver::new(std::slice::from_ref(&one), &wave, f64::NAN),
         Err(WaveError::Invalid { .. })
     ));
-    // A thousand times as many waves as any machine holds, refused before anything is made.
+    // A thousand times as many waves as fit in any machine, refused before any work.
     let large = |x: f64| body(Shape::Circle { radius_um: 2e4 }, [x, 0.0], 0.0, 1.5, 0.0);
     let refused = CompressedSolver::new(&[large(-3e4), large(3e4)], &wave, 1e-3);
     assert!(matches!(refused, Err(WaveError::TooLarge { .. })));

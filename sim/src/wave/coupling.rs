@@ -1,9 +1,9 @@
-//! The coupled system of skeletons: what arrives at each body from all others,
+//! The coupled system of skeletons for the fields that arrive at each body from all others,
 //! `v_b - sum_c K_bc T_c v_c = v_b^ext`.
 //!
 //! v holds a body's combined functionals (see [`skeleton`](super::skeleton)) of the fields that arrive from
-//! outside, T_c takes them to the strengths of its sites as sources, and K_bc is the kernel between sites,
-//! the same for e and h. The matrix is dense; where the tolerance allows, it is held and factorized in single
+//! outside, T_c maps them to the strengths of its sites as sources, and K_bc is the kernel between sites, the
+//! same for e and h. The matrix is dense; where the tolerance allows, it is held and factorized in single
 //! precision, which is half the memory and twice the speed, and the solution is refined against residuals in
 //! double precision, for which K is computed again. The residual is that of the whole system in double
 //! precision in either case.
@@ -19,11 +19,11 @@ use num_complex::Complex32;
 use rayon::prelude::*;
 use std::ops::AddAssign;
 
-/// Tolerance from which on single precision serves.
+/// Least tolerance for which single precision suffices.
 pub(crate) const SINGLE: f64 = 1e-6;
-/// Sites whose equations are checked where a system is not solved whole.
+/// Number of sites whose equations are checked if a system is not solved whole.
 const WITNESSES: usize = 1024;
-/// Most refinements.
+/// Largest number of refinements.
 const REFINEMENTS: usize = 30;
 
 /// Exterior and sites of all bodies.
@@ -45,7 +45,7 @@ impl Coupling<'_> {
         out
     }
 
-    /// What strengths make arrive: `[body]`, a column of one value a site after the other, in and out.
+    /// Fields that arrive from strengths: `[body]`, columns of one value per site, in and out.
     pub(crate) fn apply(&self, strengths: &[Vec<C64>]) -> Vec<Vec<C64>> {
         (0..self.sites.len())
             .into_par_iter()
@@ -61,8 +61,8 @@ impl Coupling<'_> {
             .collect()
     }
 
-    /// Residual of the equations of some sites, spread over all bodies, for strengths that v makes them
-    /// radiate: root mean square over that of the external fields at the same sites, the largest of all
+    /// Residual of the equations of some sites, spread over all bodies, for the strengths that v excites:
+    /// root mean square relative to that of the external fields at the same sites, the largest over all
     /// columns. Arrays as in [`solve`](Self::solve).
     pub(crate) fn witness(&self, strengths: &[Vec<C64>], v: &[Vec<C64>], external: &[Vec<C64>], fields: usize) -> f64 {
         let all: usize = self.sites.iter().map(|s| s.len()).sum();
@@ -114,8 +114,8 @@ impl Coupling<'_> {
             .fold(0.0, |worst: f64, r| if r.is_nan() { f64::NAN } else { worst.max(r) })
     }
 
-    /// `1 - K T` in one precision for several T at once (`[system][body]`, each `fields k` square), bodies'
-    /// unknowns one after the other, fields of one side by side.
+    /// `1 - K T` in one precision for several T at once (`[system][body]`, each `fields k` square), body
+    /// after body, with the fields of a body side by side.
     fn matrices<T: Number>(&self, transfers: &[Vec<Vec<C64>>], fields: usize) -> Vec<Vec<T>> {
         let firsts = self.firsts(fields);
         let n = firsts[self.sites.len()];
@@ -187,9 +187,9 @@ impl Coupling<'_> {
         }
     }
 
-    /// Solves for what arrives, in place (`[body]`, a column of `fields` values a site after the other),
-    /// until the residual is below `tolerance` or no longer falls. Returns it, relative to the external
-    /// fields, and the number of refinements.
+    /// Solves for the arriving fields, in place (`[body]`, columns of `fields` values per site), until the
+    /// residual is below `tolerance` or no longer falls. Returns it, relative to the external fields, and the
+    /// number of refinements.
     pub(crate) fn solve(
         &self,
         factors: &Factors,
@@ -252,7 +252,7 @@ impl Coupling<'_> {
         match factors {
             Factors::Double(lu) => lu.solve(MatMut::from_column_major_slice_mut(&mut rhs, n, columns)),
             Factors::Single(lu) => {
-                // Residuals fall below what single precision holds: each column is scaled to 1.
+                // Residuals fall below the range of single precision, so each column is scaled to 1.
                 let scales: Vec<f64> = rhs
                     .chunks(n)
                     .map(|c| c.iter().map(|v| v.norm_sqr()).fold(0.0, f64::max).sqrt())

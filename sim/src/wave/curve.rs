@@ -4,50 +4,49 @@
 //! of straight pieces and circular arcs whose curvature jumps at the joints, where the densities have weak
 //! singularities `s^2 ln s`. Its parameter is graded: on a piece of length L, with tau in [0, 1] along it,
 //! `ds/d tau` is proportional to `(1 - |1 - 2 tau|^(2 q))^(order - 1)`, which vanishes at the joints and is
-//! flat away from them (Kress 1990 grades the whole piece; here only some nodes at its ends, so that few are
-//! spent).
+//! flat away from them (Kress 1990 grades the whole piece; here only some nodes at its ends, to save nodes).
 //!
-//! Nodes stand at `t_j = (j + 1/2) 2 pi / n`: off the joints, off the axes of mirror symmetry.
+//! Nodes are at `t_j = (j + 1/2) 2 pi / n`: off the joints, off the axes of mirror symmetry.
 
 use super::{Body, C64, Shape, WaveError};
 use std::f64::consts::TAU;
 
-/// How finely walls are cut into nodes.
+/// Resolution of walls by nodes.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Resolution {
-    /// Nodes per wavelength, in the optically denser medium beside the wall, of circles and ellipses.
+    /// Nodes per wavelength, in the optically denser medium beside the wall, for circles and ellipses.
     pub per_wavelength_ellipse: f64,
-    /// The same of other outlines.
+    /// The same for other outlines.
     pub per_wavelength: f64,
-    /// Times the cube root of the wall's length in wavelengths over 2 pi: nodes on top of those, as for the
-    /// order at which a Bessel series may stop.
+    /// Additional nodes, per cube root of the wall's length in wavelengths over 2 pi, as for the order at
+    /// which a Bessel series may stop.
     pub transition: f64,
-    /// Natural logarithm of ten over the tolerance.
+    /// Natural logarithm of (ten over the tolerance).
     pub logarithm: f64,
     /// Order of the grading at joints, 1 for none.
     pub grading: i32,
     /// Nodes over which a joint's grading fades.
     pub fade_nodes: f64,
-    /// Whether waves inside of a body may go unresolved where they die on their way.
+    /// Whether waves inside of a body may be unresolved where they decay on their way.
     pub skin: bool,
 }
 
 impl Resolution {
-    /// What bodies take. Between several that all but touch there are shorter waves than along the wall of
+    /// Resolution for bodies. Between almost touching bodies there are shorter waves than along the wall of
     /// one.
     pub(crate) fn new(bodies: &[Body], tolerance: f64) -> Self {
         Self { skin: bodies.len() == 1, ..Self::for_tolerance(tolerance) }
     }
 
-    /// What relative errors of `tolerance` in the far field take, measured at 0.4 um and index 1.55 on
+    /// Resolution for relative errors of `tolerance` in the far field, measured at 0.4 um and index 1.55 on
     /// circles of 0.2 to 7.5 um, ellipses of 1.6 and 16 um and a rounded triangle of 5 um. On a long wall the
     /// kernel and the density each hold waves of up to the denser medium's wavenumber, and the quadrature is
-    /// exact where the nodes resolve their product: 4 a wavelength. Of the steepest waves there are few in
-    /// ellipses (none in circles), more where an outline mixes directions.
+    /// exact if the nodes resolve their product: 4 per wavelength. Ellipses have few of the steepest waves
+    /// (circles none); outlines that mix directions have more.
     pub(crate) fn for_tolerance(tolerance: f64) -> Self {
         let digits = -tolerance.log10();
         let per_wavelength = if digits < 6.0 { 3.6 + 0.33 * (digits - 3.0) } else { 4.6 + 0.22 * (digits - 6.0) };
-        // Orders and fades by what they reach on two triangles; short arcs ask for the longer fades.
+        // Orders and fades by their accuracy on two triangles; short arcs need the longer fades.
         let (grading, per_digit) = match digits {
             ..=4.0 => (3, 1.3),
             ..=7.0 => (5, 1.8),
@@ -65,7 +64,7 @@ impl Resolution {
     }
 }
 
-/// Points at which outlines are looked at before they get their nodes.
+/// Number of sample points on outlines before they get their nodes.
 const SAMPLES: usize = 256;
 /// Normals with a dot product below this face away from each other.
 const FACING: f64 = -0.3;
@@ -183,7 +182,7 @@ fn pieces_of(points: &[[f64; 2]], rounding: f64, key: &str) -> Result<Vec<Piece>
         points.reverse();
     }
     let edges: Vec<C64> = (0..n).map(|j| points[(j + 1) % n] - points[j]).collect();
-    // Turn at the corner between edge j and edge j + 1, and what the arc takes of both.
+    // Turn at the corner between edge j and edge j + 1, and the length that the arc removes from both.
     let turns: Vec<f64> = (0..n).map(|j| (edges[(j + 1) % n] / edges[j]).arg()).collect();
     let takes: Vec<f64> = turns.iter().map(|turn| rounding * (0.5 * turn.abs()).tan()).collect();
     let mut pieces = Vec::new();
@@ -256,15 +255,15 @@ impl Curve {
         Ok(curve)
     }
 
-    /// Number of nodes, `denser` times those that the wavelength asks for; sets those of pieces.
+    /// Number of nodes, `denser` times those for the wavelength; sets those of pieces.
     fn count(&mut self, resolution: &Resolution, wavelength_um: f64, denser: f64) -> usize {
         let coeffs = match &mut self.outline {
             Outline::Pieces(pieces) => {
                 let mut before = 0;
                 for piece in pieces {
-                    // A piece's nodes are as dense as asked where the grading is flat.
+                    // A piece's nodes have the target density where the grading is flat.
                     let nodes = denser * piece.length * resolution.per_wavelength / wavelength_um;
-                    // Whole, or the speed would not be smooth in the middle.
+                    // An integer, so that the speed is smooth in the middle.
                     let q = (0.5 * nodes / resolution.fade_nodes).floor().max(1.0);
                     piece.grading = Grading { q, order: resolution.grading };
                     let flat = 2.0 * piece.grading.length(0.5);
@@ -284,20 +283,20 @@ impl Curve {
         let multiple = if order == 0 { 24 } else { 4 * order as usize / gcd(4, order) as usize };
         let samples: Vec<CurvePoint> =
             (0..SAMPLES).map(|j| self.at(TAU * j as f64 / SAMPLES as f64, SAMPLES)).collect();
-        // The sparsest nodes set the count: those where the parameter runs fastest. Wavelengths, were all as
-        // fast.
+        // The sparsest nodes set the count, where the parameter runs fastest: the number of wavelengths at
+        // that speed.
         let waves = TAU * samples.iter().map(|p| p.speed).fold(0.0, f64::max) / wavelength_um;
         let ellipse = highest <= 1;
         let density = if ellipse { resolution.per_wavelength_ellipse } else { resolution.per_wavelength };
         let waving = density * waves + resolution.transition * waves.cbrt() + 4.0 * highest as f64;
         // The kernel's diagonal holds curvature times speed: its harmonics are those of the outline's bends.
-        // Ellipses are bent as they are thin.
+        // The bends of an ellipse follow from its thinness.
         let bending = if ellipse { 0 } else { harmonics(&samples, (-resolution.logarithm).exp()) };
         ((denser * waving.max(bending as f64)).ceil() as usize).next_multiple_of(multiple)
     }
 
-    /// Least distance between two runs of the wall that face each other from within, in the steps of its
-    /// nodes there: kernels between them are resolved to `exp(-2 pi steps)`.
+    /// Least distance between two parts of the wall that face each other from within, in local steps of its
+    /// nodes: kernels between them are resolved to `exp(-2 pi steps)`.
     fn thickness_in_steps(&self) -> f64 {
         let h = self.step();
         self.thickness(|a, b| h * a.speed.max(b.speed))
@@ -308,7 +307,7 @@ impl Curve {
         self.thickness(|_, _| 1.0)
     }
 
-    /// The same distance, in units that may depend on where it is.
+    /// The same distance, in units that may depend on position.
     fn thickness(&self, unit: impl Fn(&CurvePoint, &CurvePoint) -> f64) -> f64 {
         let stride = self.nodes.len().div_ceil(SAMPLES);
         let mut least = f64::MAX;

@@ -16,7 +16,7 @@ pub(crate) const Q: usize = 3;
 /// Kernel values at a pair: row component by column component.
 pub(super) type Entries = [[C64; COMPONENTS]; COMPONENTS];
 
-/// What depends on the pair of points alone.
+/// Quantities that depend on the pair of points alone.
 pub(super) struct Pair {
     pub r: f64,
     /// Distance vector dotted with the target's normal and tangent, and the source's.
@@ -54,7 +54,7 @@ pub(super) struct Wavenumbers {
 }
 
 impl Wavenumbers {
-    /// The equations' kernels (what stands on the left hand side) from the radial sums over media; `q` is
+    /// The equations' kernels (on the left-hand side) from the radial sums over media; `q` is
     /// `(t.r)(t'.r)/R^2`.
     #[inline(always)]
     pub fn entries(&self, radial: &Radial, pair: &Pair, q: f64) -> Entries {

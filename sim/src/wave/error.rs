@@ -1,6 +1,6 @@
 //! Errors of the wave code: values, each printed as one line.
 
-/// What can go wrong between a scene and its far field.
+/// Errors between a scene and its far field.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum WaveError {
     /// A number or a shape that cannot be used.
@@ -8,17 +8,17 @@ pub enum WaveError {
     Invalid {
         /// Key of the scene, with its index: `fiber[2].eta`.
         key: String,
-        /// What was given.
+        /// Given value.
         value: String,
-        /// What would be accepted.
+        /// Accepted values.
         hint: String,
     },
     /// A scene that cannot be read at all.
     #[error("{what}; {hint}")]
     Unreadable {
-        /// What is wrong.
+        /// Description of the error.
         what: String,
-        /// What would help.
+        /// Fix.
         hint: String,
     },
     /// A wall that crosses itself.
@@ -46,19 +46,19 @@ pub enum WaveError {
     Unsupported {
         /// Name of the method.
         method: &'static str,
-        /// What stands in the way.
+        /// Obstacle.
         what: String,
-        /// What to do.
+        /// Fix.
         hint: String,
     },
-    /// The tolerance is below what the method reaches.
+    /// The tolerance is below the method's reach.
     #[error("tolerance = {asked:e}: {method} reaches {reachable:e} here; ask for that or more")]
     Unreachable {
         /// Name of the method.
         method: &'static str,
-        /// What was asked.
+        /// Requested tolerance.
         asked: f64,
-        /// What can be had.
+        /// Least reachable tolerance.
         reachable: f64,
     },
     /// The system would not fit in memory.
@@ -88,10 +88,10 @@ pub enum WaveError {
     Uncancelled {
         /// Largest remaining field, relative to the largest field.
         left: f64,
-        /// What would have passed.
+        /// Largest allowed value.
         allowed: f64,
     },
-    /// Powers that do not add up: the solution is less exact than was asked.
+    /// Powers that do not add up: the solution is less exact than requested.
     #[error(
         "lambda_um = {lambda_um}, theta_i_deg = {theta_i_deg}: C_ext - C_sca - C_abs = {defect_um:.2e} um, {allowed_um:.2e} would pass; the tolerance is not reached here, ask for a larger one or another method"
     )]
@@ -102,7 +102,7 @@ pub enum WaveError {
         theta_i_deg: f64,
         /// C_ext - C_sca - C_abs [um].
         defect_um: f64,
-        /// Largest magnitude that would have passed [um].
+        /// Largest allowed magnitude [um].
         allowed_um: f64,
     },
 }

@@ -1,4 +1,4 @@
-//! The extinction theorem, as a check of fields that were solved for.
+//! The extinction theorem, as a check of solved fields.
 //!
 //! Inside of a body the sources on all outermost walls cancel the incident light: at any point there
 //!
@@ -7,9 +7,9 @@
 //! 0 = h_inc + integral [d_n' G h - (k_rho^2/k_0) G Q + (k_z/k_0) d_t' G e] ds
 //! ```
 //!
-//! This is linear in the fields and measured by the incident light. Fields that are wrong by all of
-//! themselves, zeros among them, violate it by 1, where powers that add up say nothing (0 = 0 + 0) and the
-//! residual of the equations is as small as ever. The sums below share no kernel with the equations.
+//! This is linear in the fields and relative to the incident light. Completely wrong fields, such as zeros,
+//! violate it by 1, while their powers may add up (0 = 0 + 0) and the residual of the equations is as small
+//! as ever. The sums below share no kernel with the equations.
 
 use super::curve::CurvePoint;
 use super::entries::{E, H, P, Q};
@@ -19,15 +19,15 @@ use super::{C64, PlaneWave, Polarization, Wave, WaveError};
 use rayon::prelude::*;
 use std::f64::consts::PI;
 
-/// Most bodies that are looked into.
+/// Largest number of checked bodies.
 const BODIES: usize = 16;
-/// Points of an outline that are looked at for a place deep inside.
+/// Number of an outline's points in the search for a point deep inside.
 const SAMPLES: usize = 48;
-/// How far fields at a point of the inside may be off, in units of the tolerance of far fields, and at the
-/// finest tolerances.
+/// Largest error of fields at an inside point, in units of the tolerance of far fields, and at the finest
+/// tolerances.
 const TOLERANCES: f64 = 10.0;
 const MIN: f64 = 1e-8;
-/// The most that they may be off by: wrong fields are off by 1.
+/// Largest allowed error in any case: wrong fields have 1.
 const MAX: f64 = 0.5;
 /// Roundings, relative to the incident light.
 const ROUNDING: f64 = 1e-11;
@@ -36,18 +36,18 @@ const ROUNDING: f64 = 1e-11;
 pub(crate) struct Probes {
     wave: Wave,
     ray: Ray,
-    /// Each with what the fields may be off by there.
+    /// Points, each with the allowed error of the fields.
     points: Vec<([f64; 2], f64)>,
 }
 
 impl Probes {
-    /// For outermost walls, given by their nodes and the arc lengths that these stand for [um].
+    /// Probes for outermost walls, given by their nodes and the nodes' arc lengths [um].
     pub fn new(wave: &Wave, walls: &[(&[CurvePoint], &[f64])], tolerance: f64) -> Self {
         let count = BODIES.min(walls.len());
         let points = (0..count).into_par_iter().filter_map(|k| {
             let (nodes, weights) = walls[k * walls.len() / count];
             let (at, steps) = deepest(nodes, weights)?;
-            // The trapezoidal rule is off by some exp(-2 pi distance / spacing).
+            // The error of the trapezoidal rule is about exp(-2 pi distance / spacing).
             Some((at, ((TOLERANCES * tolerance).max(MIN) + 30.0 * (-5.5 * steps).exp()).min(MAX)))
         });
         Self { wave: *wave, ray: Ray::new(C64::new(wave.k_rho(), 0.0)), points: points.collect() }
@@ -60,7 +60,7 @@ impl Probes {
     }
 
     /// Refuses fields that do not cancel the incident light. `densities` are `(e, P, h, Q)` node after node,
-    /// `stride` nodes a column, one column a source.
+    /// `stride` nodes per column, one column per source.
     ///
     /// # Errors
     /// [`WaveError::Uncancelled`].
@@ -103,7 +103,7 @@ impl Probes {
                     h += dn * u[H] - g * u[Q] * per_k0 + dt * u[E] * ratio;
                 }
                 let left = e.norm().max(h.norm());
-                // Asked this way, a NaN does not pass.
+                // Written this way, a NaN fails the check.
                 let cancelled = left <= allowed * size + ROUNDING * light;
                 if !cancelled {
                     return Err(WaveError::Uncancelled { left: left / size, allowed: *allowed });

@@ -1,11 +1,11 @@
-//! The coupled system of many bodies by merging groups: a direct solver whose time grows as the number of
-//! bodies to the power 1.5.
+//! Solver of the coupled system of many bodies by merging groups: a direct solver whose time grows as the
+//! number of bodies to the power 1.5.
 //!
-//! Bodies are halved again and again; the pieces form a binary tree. A group of bodies deals with all others
-//! through sites of its own, as a body does: their number is that of the waves that fit around the group,
-//! which grows as the root of its area. The response of a group, S, takes what arrives at its sites from
-//! outside (u) to what they radiate (s), all multiple scattering inside of it included. Two groups A and B
-//! see each other through fewer sites still, those of their common border: `K_AB ~ Z_A^T K'_AB Z_B`, with K'
+//! Bodies are halved recursively; the pieces form a binary tree. A group of bodies interacts with all others
+//! through its own sites, as a body does: their number is that of the waves that fit around the group, which
+//! grows as the root of its area. The response of a group, S, maps the fields that arrive at its sites from
+//! outside (u) to the strengths that they radiate (s), including all multiple scattering inside. Two groups A
+//! and B interact through even fewer sites, those of their common border: `K_AB ~ Z_A^T K'_AB Z_B`, with K'
 //! between these sites. From
 //!
 //! ```text
@@ -21,7 +21,7 @@
 //! ```
 //!
 //! (in [`merge`](super::merge)). The union is reduced to its own sites, `s = X (s_A, s_B)` and
-//! `(u_A, u_B) = X^T u`, and answers in turn. X and Z are interpolative decompositions
+//! `(u_A, u_B) = X^T u`, and is merged in turn. X and Z are interpolative decompositions
 //! ([`interpolate`](super::interpolate)): sites of a group are some of its bodies' sites, all interactions
 //! have the one kernel `L_x L_y G` ([`skeleton`](super::skeleton)), and X, K', Z are the same for all fields
 //! and polarizations. (Recursive skeletonization: Martinsson and Rokhlin 2005, Ho and Greengard 2012; merged
@@ -44,17 +44,17 @@ use std::sync::OnceLock;
 /// Distance of the curve of tests from the bodies' circles: in wavelengths, and in radii.
 const RIM_WAVES: f64 = 1.5;
 const RIM_RADII: f64 = 0.2;
-/// Points on it over those that resolve the fields there, and the part of the tolerance down to which these
-/// are resolved: sites excite fast variations more strongly than slow ones. With too few points the
-/// interpolation holds on them and fails between.
+/// Points on the curve over those that resolve the fields there, and the part of the tolerance down to which
+/// these are resolved: sites excite fast variations more strongly than slow ones. With too few points the
+/// interpolation is accurate on them but fails between.
 const OVERSAMPLING: f64 = 1.8;
 const RIM_MARGIN: f64 = 1e-3;
 
-/// Halves of groups above this depth of the tree are made one after the other, each by all threads: side by
-/// side they would take more memory.
+/// Depth of the tree above which the halves of groups are computed one after the other, each by all threads:
+/// in parallel they would take more memory.
 const SEQUENTIAL: usize = 2;
 
-/// A body as the tree sees it.
+/// A body as a leaf of the tree.
 pub(crate) struct Leaf<'a> {
     pub sites: &'a [Site],
     /// A circle around its wall: center and radius [um].
@@ -71,7 +71,7 @@ struct Group {
     branch: Option<Branch>,
 }
 
-/// A part that is being merged.
+/// A part during merging.
 struct UnderWay<'a> {
     fields: usize,
     exterior: Exterior<'a>,
@@ -79,7 +79,7 @@ struct UnderWay<'a> {
     merges: Vec<OnceLock<Merge>>,
 }
 
-/// The groups of a scene. Single precision does not serve: coefficients of X grow from level to level, and
+/// The groups of a scene. Single precision does not suffice: coefficients of X grow from level to level, and
 /// its rounding with them, to residuals of 4e-5 for 7 fibers and 1e-3 for 19 at a tolerance of 4e-10.
 pub(crate) struct Hierarchy {
     groups: Vec<Group>,
@@ -91,15 +91,15 @@ pub(crate) struct Factored(Vec<OnceLock<Merge>>);
 /// Memory [bytes].
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Bytes {
-    /// Groups and borders, held already.
+    /// Groups and borders, already held.
     pub plan: f64,
-    /// What is kept of each part.
+    /// Stored data of each part.
     pub part: f64,
-    /// The most that comes on top while a part is factorized.
+    /// Peak of additional memory while a part is factorized.
     pub work: f64,
 }
 
-/// Halves groups until bodies are alone: `(depth, bodies, children)`, parents before children.
+/// Halves groups down to single bodies: `(depth, bodies, children)`, parents before children.
 fn halves(leaves: &[Leaf<'_>]) -> Vec<(usize, Vec<u32>, Option<[usize; 2]>)> {
     let mut all = vec![(0, (0..leaves.len() as u32).collect::<Vec<u32>>(), None)];
     let mut at = 0;
@@ -125,8 +125,8 @@ fn halves(leaves: &[Leaf<'_>]) -> Vec<(usize, Vec<u32>, Option<[usize; 2]>)> {
     all
 }
 
-/// What stands for all beyond a group: points on the curve around its bodies, and sites of others inside of
-/// it.
+/// Test points that represent everything outside of a group: points on the curve around its bodies, and sites
+/// of others inside of it.
 fn surroundings(leaves: &[Leaf<'_>], bodies: &[u32], exterior: Exterior<'_>, tolerance: f64) -> Vec<Site> {
     let own: Vec<&Leaf<'_>> = bodies.iter().map(|&b| &leaves[b as usize]).collect();
     let wavelength = TAU / exterior.k_rho;
@@ -173,7 +173,7 @@ fn surroundings(leaves: &[Leaf<'_>], bodies: &[u32], exterior: Exterior<'_>, tol
     tests
 }
 
-/// A group's number, the names of the sites on its rim, and what it was merged by.
+/// A group's number, the names of the sites on its rim, and its merge.
 type Made = (usize, Vec<(u32, u32)>, Branch);
 
 impl Hierarchy {
@@ -256,13 +256,13 @@ impl Hierarchy {
         Bytes { plan, part: each * part, work: each * (peak - part) }
     }
 
-    /// Z of the halves, where nothing else is asked of them.
+    /// Z of the halves if nothing else is needed of them.
     fn through<'a>(&self, branch: &'a Branch) -> [Option<&'a Basis>; 2] {
         branch.faces.each_ref().map(|z| branch.outward.is_none().then_some(z))
     }
 
-    /// Numbers that are held at once, at most, while a group is merged, those that are kept of it for solves,
-    /// and those of its response.
+    /// Peak count of numbers during the merge of a group, numbers stored for solves, and numbers of its
+    /// response.
     fn most(&self, g: usize, face: Option<&Basis>, fields: f64) -> [f64; 3] {
         let group = &self.groups[g];
         let n = fields * group.names.len() as f64;
@@ -271,7 +271,7 @@ impl Hierarchy {
         let through = self.through(branch);
         let [[first, kept, held], [second, also, _]] =
             [0, 1].map(|k| self.most(branch.children[k], through[k], fields));
-        // Halvings by which every thread has a group of its own.
+        // Halvings after which every thread has its own group.
         let halvings = rayon::current_num_threads().next_power_of_two().ilog2() as usize;
         let side_by_side = (SEQUENTIAL..SEQUENTIAL + halvings).contains(&group.depth);
         let children = if side_by_side { first + second } else { first.max(kept + held + second) };
@@ -279,7 +279,7 @@ impl Hierarchy {
         [children.max(kept + also + merging), kept + also + own, response]
     }
 
-    /// Merges all groups for bodies that answer as `transfer` tells, `fields k` square.
+    /// Merges all groups for bodies with the responses `transfer`, `fields k` square.
     pub(crate) fn factorize(
         &self,
         fields: usize,
@@ -292,8 +292,8 @@ impl Hierarchy {
         Factored(under_way.merges)
     }
 
-    /// The response of a group, one half after the other, so that few are held at once; with a `face`, as
-    /// seen through it, and at the root nothing.
+    /// The response of a group, one half after the other, so that few are held at once; with a `face`, the
+    /// response through it; at the root nothing.
     fn respond(&self, g: usize, face: Option<&Basis>, under_way: &UnderWay<'_>) -> Vec<C64> {
         let (fields, exterior) = (under_way.fields, under_way.exterior);
         let group = &self.groups[g];
@@ -324,7 +324,7 @@ impl Hierarchy {
         response
     }
 
-    /// From the external fields at all bodies' sites to all that arrives there, in place (as
+    /// Replaces the external fields at all bodies' sites by all arriving fields (as
     /// [`Coupling::solve`](super::coupling::Coupling::solve)).
     pub(crate) fn solve(&self, merges: &Factored, fields: usize, exterior: Exterior<'_>, v: &mut [Vec<C64>]) {
         let counts: Vec<usize> = v.iter().map(Vec::len).collect();
@@ -345,7 +345,7 @@ impl Hierarchy {
                     Some(u) => branch.arrive(sent, &u, columns, fields),
                     None => continue,
                 },
-                // There all comes from outside.
+                // At the root all fields come from outside.
                 Some(Merge::Root(root)) => {
                     let outside = branch.children.map(|c| {
                         let names = &self.groups[c].names;

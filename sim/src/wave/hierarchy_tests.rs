@@ -24,8 +24,8 @@ fn lattice(count: usize, apart_um: f64) -> Vec<[f64; 2]> {
         .collect()
 }
 
-/// Circles and ellipses by turns, 0.1 um or more apart, of 1 um; every third one absorbs, one is hollow and
-/// one lies alone, far from the others.
+/// Alternating circles and ellipses of 1 um, 0.1 um or more apart; every third one absorbs, one is hollow and
+/// one is far from the others.
 fn mixed(count: usize) -> Vec<Body> {
     let mut all: Vec<Body> = lattice(count, 2.1)
         .into_iter()
@@ -86,13 +86,13 @@ fn merged_groups_match_the_whole_system() {
             );
             assert!(err < tolerance, "theta {theta_i}: err {err:e}, asked {tolerance:e}");
             assert!(defect < tolerance, "theta {theta_i}: unbalance {defect:e}, asked {tolerance:e}");
-            // Groups are far finer than asked, down to rounding: larger scenes lose by it.
+            // Groups are far finer than requested, down to rounding, as larger scenes lose accuracy.
             assert!(residual > 0.0 && residual < (1e-5 * tolerance).max(3e-10), "residual {residual:e}");
         }
     }
 }
 
-/// Thirty clear circles against the multipole series, an independent truth.
+/// Thirty clear circles match the multipole series, an independent reference.
 #[test]
 #[ignore = "slow: 30 s: circles match the multipole series"]
 fn circles_match_the_multipole_series() {
@@ -153,7 +153,7 @@ fn odd_scenes() {
         CompressedSolver::hierarchical(std::slice::from_ref(&one), &wave, 1e-9),
         Err(WaveError::Unreachable { .. })
     ));
-    // Bodies whose own responses are a thousand times what any machine holds.
+    // Bodies whose own responses are a thousand times the memory of any machine.
     let large = |x: f64| body(Shape::Circle { radius_um: 2e4 }, [x, 0.0], 0.0, 0.0);
     let refused = CompressedSolver::hierarchical(&[large(-3e4), large(3e4)], &wave, 1e-3);
     assert!(matches!(refused, Err(WaveError::TooLarge { .. })));
@@ -193,14 +193,15 @@ fn groups_grow_as_their_rim() {
     assert!((many as f64) < 2.3 * few as f64, "{many} sites after {few}");
     assert!((many_border as f64) < 2.3 * few_border as f64, "{many_border} at borders after {few_border}");
     assert!(many_bytes < 6.0 * few_bytes, "{many_bytes:e} bytes after {few_bytes:e}");
-    // And no fewer than the waves that fit around half of the square: what tests see is not lost.
+    // And no fewer than the waves that fit around half of the square, so that the fields at the tests are
+    // complete.
     assert!(many as f64 > k_rho * 48.0 * 2.1 * 0.93 / std::f64::consts::PI, "{many} sites");
 }
 
 /// X a, a X^T and X^T v against sums over the entries of X, for two fields.
 #[test]
 fn bases_are_their_matrices() {
-    // In steps that coefficients are held in.
+    // Rounded to the steps of stored coefficients.
     let steps = |x: f64| (x * 2f64.powi(30)).round() * 0.5f64.powi(30);
     let value = |k: usize| C64::new(steps((k as f64 * 1.7).sin()), steps((k as f64 * 0.9).cos()));
     // Seven sites, three of them kept; the basis has the last five.

@@ -2,8 +2,8 @@
 //!
 //! A few random sums of A's rows hold its row space (Halko, Martinsson and Tropp 2011). Gaussian elimination
 //! with partial pivoting of their transpose picks columns of A almost as well as a QR decomposition with
-//! column pivots (Dong and Martinsson 2023) and runs as matrix products, where the other passes over the
-//! whole matrix once a pivot.
+//! column pivots (Dong and Martinsson 2023). It runs as matrix products; the QR decomposition passes over the
+//! whole matrix once per pivot.
 
 use super::C64;
 use super::lu::par;
@@ -15,12 +15,12 @@ use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 use rayon::prelude::*;
 
-/// Sums that a row of the matrix is added to.
+/// Number of sums that a row of the matrix is added to.
 const SPREAD: usize = 8;
-/// Sums beyond the rank that must have been seen to vanish.
+/// Number of sums beyond the rank that must vanish.
 const BEYOND: usize = 24;
 
-/// Columns of a matrix in terms of some of them.
+/// Columns of a matrix as combinations of some of them.
 pub(crate) struct Interpolation {
     /// Columns that are kept, ascending.
     pub kept: Vec<usize>,
@@ -42,8 +42,8 @@ pub(crate) fn interpolate(
 ) -> Interpolation {
     let mut rows = guess + 2 * BEYOND;
     loop {
-        // As many sums as rows or columns hide nothing. Rows themselves would do less well: their order would
-        // decide on the pivots.
+        // As many sums as rows or columns hide nothing. Rows themselves would be worse: their order would
+        // affect the pivots.
         let most = tests.min(count);
         rows = rows.min(most);
         let sketch = sketch(tests, count, &column, rows, seed);
@@ -68,7 +68,7 @@ fn sketch(
     let spread: Vec<[(u32, f64); SPREAD]> = (0..tests)
         .map(|test| {
             std::array::from_fn(|k| {
-                // The first by turns: an empty sum would be a pivot of zero.
+                // The first sum in turn, as an empty sum would be a pivot of zero.
                 let row = if k == 0 { (test % rows) as u32 } else { rng.random_range(0..rows as u32) };
                 (row, if rng.random::<bool>() { 1.0 } else { -1.0 })
             })
@@ -87,7 +87,7 @@ fn sketch(
         },
     );
     let mut transposed = vec![C64::ZERO; rows * count];
-    // Stripes that both sides of the cache hold.
+    // Stripes that fit in the cache on both sides.
     const STRIPE: usize = 32;
     transposed.par_chunks_mut(STRIPE * count.max(1)).enumerate().for_each(|(stripe, out)| {
         let first = stripe * STRIPE;
@@ -117,7 +117,7 @@ fn eliminate(mut matrix: Vec<C64>, count: usize, rows: usize, tolerance: f64) ->
     let size = |k: usize| matrix[k * count + k].norm();
     let steps = count.min(rows);
     let largest = (0..steps).map(size).fold(0.0, f64::max);
-    // A NaN is kept, and shows in the residual.
+    // A NaN is kept and appears in the residual.
     let small = |k: usize| size(k) <= tolerance * largest;
     let rank = (0..steps).rfind(|&k| !small(k)).map_or(0, |k| k + 1);
     (forward, rank, matrix)

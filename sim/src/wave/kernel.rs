@@ -1,17 +1,17 @@
 //! Radial parts of Helmholtz's Green function, tabulated over distance, with the logarithm split off.
 //!
-//! `G(R) = (i/4) H0(kappa R)` and `D(R) = G'(R)/R = -(i kappa/4) H1(kappa R)/R` are all that the boundary
-//! operators need: their kernels are these two times dot products of the distance with normals and tangents.
-//! At one wavelength and latitude they are functions of R alone, so they are sampled once: near R = 0 as
+//! `G(R) = (i/4) H0(kappa R)` and `D(R) = G'(R)/R = -(i kappa/4) H1(kappa R)/R` suffice for the boundary
+//! operators: their kernels are these two times dot products of the distance with normals and tangents. At
+//! one wavelength and latitude they are functions of R alone, so they are sampled once: near R = 0 as
 //! `L(R^2) ln R + B(R^2) + c/R^2` with power series L and B (Abramowitz and Stegun 9.1.12-13), farther out by
 //! piecewise polynomials through Chebyshev points.
 //!
-//! On a wall between media o (outside) and i (inside) a second-kind equation sees differences only.
-//! [`WallKernel`] tabulates the four sums it asks for, so that their 1/R^2 and log parts cancel in the series
-//! and not in rounded numbers.
+//! On a wall between media o (outside) and i (inside) a second-kind equation has differences only.
+//! [`WallKernel`] tabulates its four sums, so that their 1/R^2 and log parts cancel in the series and not in
+//! rounded numbers.
 //!
 //! The quadrature on clear walls needs the factor L of the logarithm, `-J0(kappa R)/(2 pi)` for G: -2/pi
-//! times the imaginary part of what is tabulated anyway. With loss J0 grows as `exp(Im kappa R)` while G
+//! times the imaginary part of the tabulated functions. With loss J0 grows as `exp(Im kappa R)` while G
 //! decays; such walls do not split the logarithm off ([`vicinity`](super::vicinity)).
 
 use super::C64;
@@ -25,7 +25,7 @@ const EULER: f64 = 0.577_215_664_901_532_9;
 const TERMS: usize = 18;
 /// The series is used for `|kappa| R` below this.
 const NEAR: f64 = 4.0;
-/// Coefficients of a polynomial piece, which spans `1/|kappa|`: with [`NEAR`] the first piece is off by
+/// Coefficients of a polynomial piece, which spans `1/|kappa|`: with [`NEAR`] the error of the first piece is
 /// 1e-14.
 const DEGREE: usize = 12;
 
@@ -48,7 +48,7 @@ impl Series {
 
     /// The series of G and D.
     fn green(kappa: C64) -> [Self; 2] {
-        // One term more than is kept, for the derivative.
+        // One more term than stored, for the derivative.
         let (mut log, mut regular) = ([C64::ZERO; TERMS + 1], [C64::ZERO; TERMS + 1]);
         let quarter = -0.25 * kappa * kappa;
         let at_zero = (0.5 * kappa).ln() + EULER;
@@ -116,7 +116,7 @@ struct Piecewise<const F: usize> {
 
 impl<const F: usize> Piecewise<F> {
     fn new(start: f64, end: f64, step: f64, f: impl Fn(f64) -> [f64; F] + Sync) -> Self {
-        // Values at the Chebyshev points to Chebyshev coefficients to powers.
+        // From values at the Chebyshev points to Chebyshev coefficients to powers.
         let nodes: [f64; DEGREE] = std::array::from_fn(|j| (PI * (j as f64 + 0.5) / DEGREE as f64).cos());
         let mut to_power = [[0.0; DEGREE]; DEGREE];
         let (mut before, mut this) = ([0.0; DEGREE], [0.0; DEGREE]);
@@ -214,7 +214,7 @@ pub(crate) struct MediumKernel {
 }
 
 impl MediumKernel {
-    /// For distances up to `reach_um`.
+    /// Tabulates distances up to `reach_um`.
     pub(crate) fn new(medium: Medium, reach_um: f64) -> Self {
         let kappa = medium.kappa;
         let step = 1.0 / kappa.norm();
@@ -254,7 +254,7 @@ pub(crate) struct WallKernel {
 }
 
 impl WallKernel {
-    /// For distances up to `reach_um`.
+    /// Tabulates distances up to `reach_um`.
     pub(crate) fn new(outside: Medium, inside: Medium, reach_um: f64) -> Self {
         let mut series = [Series::ZERO; 4];
         for (sign, medium) in [(1.0, outside), (-1.0, inside)] {
@@ -317,7 +317,7 @@ impl WallKernel {
     }
 
     /// Limits at R = 0 on a curve of parameter speed `speed`: the sums times `h`, plus half the logarithm's
-    /// factor times `q`, where `ln R` stands for `ln speed`, without the pole of `ed`, which meets
+    /// factor times `q`, with `ln speed` in place of `ln R`, without the pole of `ed`, which multiplies
     /// `r.n / R^2`.
     pub(crate) fn diagonal(&self, speed: f64, h: f64, q: f64) -> Radial {
         let limits = std::array::from_fn(|k| {
@@ -330,8 +330,8 @@ impl WallKernel {
 
 /// Weights of the logarithm on n (even) equispaced nodes of [0, 2 pi):
 /// `integral ln(4 sin^2((t - s)/2)) f(s) ds = sum_j weights[|i - j|] f(s_j)` for trigonometric polynomials f
-/// (Kress, Linear Integral Equations, 12.3), less the trapezoidal rule's own `h ln(4 sin^2)`; the latter is
-/// left out at 0.
+/// (Kress, Linear Integral Equations, 12.3), minus the trapezoidal rule's own `h ln(4 sin^2)`; the latter is
+/// omitted at 0.
 pub(crate) fn log_weights(n: usize) -> Vec<f64> {
     let half = n / 2;
     let h = 2.0 * PI / n as f64;

@@ -1,11 +1,11 @@
-//! How alike two distributions over the azimuth are: bins, correlation, relative distance, and how much of
-//! that is the spread of the instances.
+//! Likeness of two distributions over the azimuth: bins, correlation, relative distance, and its part due to
+//! the spread of the instances.
 
 use serde::Serialize;
 
 /// Means over `bins` equal parts of the azimuth of a function given at azimuths 2 pi j / n, n a multiple of
-/// `bins`: `[bin]` from bin/bins to (bin + 1)/bins of a turn. The trapezoidal rule within each: their mean is
-/// that of the function, to rounding.
+/// `bins`: `[bin]` from bin/bins to (bin + 1)/bins of a turn. Uses the trapezoidal rule within each bin: the
+/// bins' mean is that of the function, to rounding.
 pub fn binned(samples: &[f64], bins: usize) -> Vec<f64> {
     let (n, each) = (samples.len(), samples.len() / bins);
     let mean = |bin: usize| {
@@ -21,12 +21,12 @@ pub fn coarser(values: &[f64], factor: usize) -> Vec<f64> {
     values.chunks(factor).map(|c| c.iter().sum::<f64>() / c.len() as f64).collect()
 }
 
-/// Two curves beside each other.
+/// Likeness of two curves.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Likeness {
     /// Pearson's correlation of the values.
     pub correlation: f64,
-    /// The same of their logarithms, over bins where both are positive.
+    /// Correlation of their logarithms, over bins where both are positive.
     pub log_correlation: f64,
     /// |a - b| / |a|, in the L2 sense.
     pub relative_l2: f64,
@@ -63,7 +63,7 @@ pub fn correlation(a: &[f64], b: &[f64]) -> f64 {
 pub struct Spread {
     /// Mean.
     pub mean: f64,
-    /// Standard deviation, of a sample.
+    /// Sample standard deviation.
     pub sd: f64,
     /// Least.
     pub min: f64,
@@ -72,7 +72,7 @@ pub struct Spread {
 }
 
 impl Spread {
-    /// Of these; zeros for none.
+    /// Spread of these values; zeros for none.
     pub fn from_values(values: impl Iterator<Item = f64> + Clone) -> Self {
         let n = values.clone().count();
         if n == 0 {
@@ -129,7 +129,7 @@ mod tests {
         assert!((twice.log_correlation - 1.0).abs() < 1e-15);
         assert!((likeness(&a, &[4.0, 3.0, 2.0, 1.0]).correlation + 1.0).abs() < 1e-15);
         assert_eq!(likeness(&a, &[1.0; 4]).correlation, 0.0);
-        // One zero bin is left out of the logarithms alone.
+        // Only the logarithms omit a zero bin.
         let gap = likeness(&a, &[0.0, 2.0, 3.0, 4.0]);
         assert!((gap.log_correlation - 1.0).abs() < 1e-15 && (gap.relative_l2 - (1.0f64 / 30.0).sqrt()).abs() < 1e-15);
         let s = Spread::from_values([1.0, 2.0, 6.0].into_iter());

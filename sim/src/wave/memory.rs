@@ -5,7 +5,7 @@ pub fn available_bytes() -> Option<usize> {
     kib_of(&std::fs::read_to_string("/proc/meminfo").ok()?, "MemAvailable:")
 }
 
-/// The most memory this process has held at once since its start [bytes].
+/// Peak memory of this process since its start [bytes].
 pub fn peak_bytes() -> Option<usize> {
     kib_of(&std::fs::read_to_string("/proc/self/status").ok()?, "VmHWM:")
 }

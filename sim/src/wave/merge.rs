@@ -1,12 +1,12 @@
-//! Two groups of bodies made one: the response of the union from those of its halves, and what solves need of
-//! it. The equations are those of `hierarchy.rs`.
+//! Merge of two groups of bodies: the response of the union from those of its halves, and the data for
+//! solves. The equations are those of `hierarchy.rs`.
 //!
-//! What is kept for solves is what the halves send each other's borders for a unit that arrives at each site
-//! of the union, `K' p`: as long as the borders and as wide as the union's rim, less than the responses and
-//! factors that it is made of, which go with the halves. It is held in fixed point
-//! ([`packed`](super::packed)), as interpolations are. The root alone keeps factors: its fields come from the
-//! sources, few against the sites they arrive at. Products are formed in strips of columns, so that little
-//! but these results is held beside the halves.
+//! The stored data are the fields that the halves send to each other's borders for a unit that arrives at
+//! each site of the union, `K' p`. They are as long as the borders and as wide as the union's rim, smaller
+//! than the responses and factors they come from, which are freed with the halves. They are held in fixed
+//! point ([`packed`](super::packed)), as interpolations are. Only the root stores factors: its fields come
+//! from the sources, which are few compared with the sites. Products are formed in strips of columns, so that
+//! little beside these results and the halves is held.
 
 use super::C64;
 use super::basis::{Basis, STRIP, gemm};
@@ -16,7 +16,7 @@ use super::skeleton::{Exterior, Site};
 use faer::{Accum, MatMut, MatRef};
 use rayon::prelude::*;
 
-/// Two groups that make one.
+/// Two groups that merge into one.
 pub(super) struct Branch {
     pub children: [usize; 2],
     /// Z of both.
@@ -27,9 +27,9 @@ pub(super) struct Branch {
     pub outward: Option<[Basis; 2]>,
 }
 
-/// How a pair answers to what arrives, for one part of the fields.
+/// Response of a pair to arriving fields, for one part of the fields.
 pub(super) enum Merge {
-    /// What arrives at both borders from the other half, for a unit at each site of the union.
+    /// Fields that arrive at both borders from the other half, for a unit at each site of the union.
     Inner([Packed; 2]),
     Root(Root),
 }
@@ -54,8 +54,8 @@ impl Branch {
         bases + self.borders.iter().map(|sites| size_of_val(sites.as_slice())).sum::<usize>()
     }
 
-    /// Numbers that [`merge`](Self::merge) and [`root`](Self::root) hold at once, at most, what they are
-    /// given and their results among them, and those that they leave for solves.
+    /// Peak count of numbers in [`merge`](Self::merge) and [`root`](Self::root), including inputs and
+    /// results, and the count stored for solves.
     pub fn numbers(&self, face: Option<&Basis>, fields: f64) -> [f64; 2] {
         let [r, m] = [
             self.faces.each_ref().map(|z| fields * z.outputs as f64),
@@ -73,7 +73,7 @@ impl Branch {
         };
         let n = fields * outward[0].outputs as f64;
         let rows = face.map_or(n, |z| fields * z.outputs as f64);
-        // Both halves' `K' p` and `X S Z^T`, as they come, and products on their way.
+        // Both halves' `K' p` and `X S Z^T`, and intermediate products.
         let made = [0, 1].map(|k| r[k] * (n + rows) + own[k]);
         let strips = [0, 1].map(|k| strip * (2.0 * m[k] + n) + PANEL as f64 * n);
         let first = inner[0] + inner[1] + (gathered[0] + own[0] + r[0] * n).max(made[0] + strips[0]);
@@ -129,15 +129,15 @@ impl Branch {
         Lu::new(system, border)
     }
 
-    /// What remains of the response of a half at the root: `Z S`.
+    /// The part of a half's response that the root needs: `Z S`.
     pub fn face(z: &Basis, response: &[C64], fields: usize) -> Vec<C64> {
         let mut out = vec![C64::ZERO; fields * z.outputs * fields * z.inputs];
         z.left(&mut out, response, fields * z.inputs, fields);
         out
     }
 
-    /// What solves need of the root, from `Z S` of the halves. Here memory is at its most, and the system is
-    /// made in strips, of nothing else that is as large.
+    /// Data of the root for solves, from `Z S` of the halves. Here memory is at its peak, so the system is
+    /// computed in strips, without other arrays of its size.
     pub fn root(&self, gathered: [Vec<C64>; 2], fields: usize, exterior: Exterior<'_>) -> Root {
         let zero = C64::ZERO;
         let [r, m] = self.sizes(fields);
@@ -177,8 +177,8 @@ impl Branch {
         Root { gathered, lu: Lu::new(system, border) }
     }
 
-    /// The response of the union and what solves need, from the responses of the halves. With a `face`, the
-    /// response is only made as seen through it, `Z S`.
+    /// The response of the union and the data for solves, from the responses of the halves. With a `face`,
+    /// only the response through it, `Z S`, is computed.
     pub fn merge(
         &self,
         outward: &[Basis; 2],
@@ -225,7 +225,7 @@ impl Branch {
                 let from = if k == 0 { strengths.subrows(r[0], r[1]) } else { strengths.subrows(0, r[0]) };
                 let sent = &mut sent[k][r[k] * first..][..r[k] * wide];
                 self.cross(&across, k, MatMut::from_column_major_slice_mut(sent, r[k], wide), from, f);
-                // What it makes the union radiate, through X S Z^T.
+                // Strengths that the union radiates, through X S Z^T.
                 gemm(
                     MatMut::from_column_major_slice_mut(&mut response[rows * first..][..rows * wide], rows, wide),
                     Accum::Add,
@@ -235,13 +235,13 @@ impl Branch {
                 );
             }
         }
-        // One half after the other: each is gone when it is packed.
+        // One half after the other: each is freed when it is packed.
         let pack = |sent: Vec<C64>, k: usize| Packed::new(&sent, r[k]);
         let [first, second] = sent;
         (response, [pack(first, 0), pack(second, 1)])
     }
 
-    /// What arrives at the sites of both halves, for what arrives at those of the union.
+    /// Fields that arrive at the sites of both halves, from those that arrive at the union.
     pub fn arrive(&self, sent: &[Packed; 2], u: &[C64], columns: usize, fields: usize) -> [Vec<C64>; 2] {
         let zero = C64::ZERO;
         let [r, m] = self.sizes(fields);
@@ -260,7 +260,7 @@ impl Branch {
         })
     }
 
-    /// The same at the root, for what arrives at both halves from outside.
+    /// The same at the root, from the fields that arrive at both halves from outside.
     pub fn arrive_at_root(
         &self,
         root: &Root,

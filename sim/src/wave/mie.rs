@@ -1,9 +1,9 @@
 //! Scattering by one circular cylinder, plain or of concentric layers, at oblique incidence: the closed form
-//! every other solver is held to.
+//! that every other solver is compared with.
 //!
-//! Each order is a 2x2 problem of its own (Bohren and Huffman 1983, chapter 8, for the plain cylinder);
-//! layers by the recursion of `circle.rs`. The series is cut where the outside's J_n/H_n falls below
-//! rounding, so only rounding remains.
+//! Each order is a separate 2x2 problem (Bohren and Huffman 1983, chapter 8, for the plain cylinder); layers
+//! by the recursion of `circle.rs`. The series is cut where the outside's J_n/H_n falls below rounding, so
+//! only rounding remains.
 
 use super::circle::{Circle, Response, order_for};
 use super::series::{AzimuthGrid, incident, minus_i_power};
@@ -14,12 +14,12 @@ use std::f64::consts::TAU;
 
 const METHOD: &str = "mie";
 
-/// Orders are kept down to this size of J_n/H_n.
+/// Size of J_n/H_n below which orders are omitted.
 const CUT: f64 = 1e-18;
 
 /// One circular cylinder, solved in closed form.
 ///
-/// Orders whose cylinder resonance is narrower than the cut are left out: they are narrower than the rounding
+/// Orders whose cylinder resonance is narrower than the cut are omitted: they are narrower than the rounding
 /// of the wavelength.
 pub struct MieSolver {
     wave: Wave,
@@ -37,7 +37,7 @@ pub(super) fn reachable(circle: &Circle, wave: &Wave) -> f64 {
     1e-13 + 4e-16 * x
 }
 
-/// What all solvers require of a wave.
+/// Checks the requirements of all solvers on a wave.
 pub(super) fn check_wave(wave: &Wave) -> Result<(), WaveError> {
     let invalid = |key: &str, value: f64, hint: &str| {
         Err(WaveError::Invalid { key: key.into(), value: value.to_string(), hint: hint.into() })
@@ -56,8 +56,7 @@ impl MieSolver {
     ///
     /// # Errors
     /// [`WaveError::Unsupported`] for other outlines, [`WaveError::Invalid`] and [`WaveError::Overlap`] for
-    /// bad numbers,
-    /// [`WaveError::Unreachable`] where `tolerance` (relative, on the far field) is below rounding.
+    /// bad numbers, [`WaveError::Unreachable`] if `tolerance` (relative, on the far field) is below rounding.
     pub fn new(body: &Body, wave: &Wave, tolerance: f64) -> Result<Self, WaveError> {
         check_wave(wave)?;
         let circle = Circle::new(body, "fiber[0]", METHOD)?;
@@ -126,7 +125,7 @@ impl WaveSolver for MieSolver {
 
 #[cfg(test)]
 mod tests {
-    //! Truth: an arbitrary-precision solve of all walls' equations at once, Bohren and Huffman's closed
+    //! References: an arbitrary-precision solve of all walls' equations at once, Bohren and Huffman's closed
     //! coefficients, and the ledger.
     use super::*;
     use crate::wave::{BeamSource, Shape, extinction_width, scattering_width};
@@ -242,8 +241,8 @@ Case { lambda_um: 0.55, theta_i: 1.5533430342749532, phi_i: 0.4, layers: &[(1.3,
     /// T_ee = -b_nI, T_hh = -a_nII, |T_eh| = |a_nI|.
     #[test]
     fn coefficients_are_those_of_bohren_and_huffman() {
-        // One call an order: the crate's sequences may return zeros at large Im z. The factor exp(-|Im z|) of
-        // the functions inside cancels.
+        // One call per order: the crate's sequences may return zeros at large Im z. The factor exp(-|Im z|)
+        // of the functions inside cancels.
         let seq = |z: C64, n: usize, hankel: bool| -> Vec<C64> {
             let f = |n| if hankel { complex_bessel::hankel1(n, z) } else { complex_bessel::besselj_scaled(n, z) };
             (0..n).map(|n| f(n as f64).unwrap()).collect()
@@ -258,8 +257,8 @@ Case { lambda_um: 0.55, theta_i: 1.5533430342749532, phi_i: 0.4, layers: &[(1.3,
         ] {
             let wave = Wave { lambda_um: TAU, theta_i: theta };
             let solver = MieSolver::new(&body([0.0, 0.0], &[(size, m.re, m.im)]), &wave, 1e-10).unwrap();
-            // B and H's zeta is the angle between the light's way and the axis; their xi and eta are our
-            // arguments outside and inside.
+            // B and H's zeta is the angle between the light's direction and the axis; their xi and eta are
+            // our arguments outside and inside.
             let cos_zeta = wave.kz();
             let (xi, eta) = (C64::new(size * wave.theta_i.cos(), 0.0), size * (m * m - cos_zeta * cos_zeta).sqrt());
             let top = (xi.re + 10.0) as usize;
@@ -326,9 +325,9 @@ Case { lambda_um: 0.55, theta_i: 1.5533430342749532, phi_i: 0.4, layers: &[(1.3,
                     let out = solver.scatter(&BOTH.map(|pol| plane(0.7, pol)), 7).unwrap();
                     for (o, pol) in out.iter().zip(BOTH) {
                         assert!(o.c_sca_um > 0.0 && o.c_abs_um.is_finite());
-                        // The optical theorem takes a real part that may be far below |F|: its rounding. And
-                        // the roundings of a layered wall's admittance show beside the tiny C_ext of thin
-                        // cylinders at grazing latitudes.
+                        // The optical theorem takes a real part that may be far below |F|, so allow for the
+                        // rounding of |F|. The roundings of a layered wall's admittance show beside the tiny
+                        // C_ext of thin cylinders at grazing latitudes.
                         let size_f = o.f_u.iter().chain(&o.f_phi).map(|f| f.norm()).fold(0.0, f64::max);
                         let floor = if layers.len() > 1 { 1e-15 } else { 0.0 } + 2e-15 * 4.0 / wave.k0() * size_f;
                         let err = ((o.c_sca_um + o.c_abs_um - o.c_ext_um).abs() - floor).max(0.0) / o.c_ext_um;
@@ -394,8 +393,8 @@ Case { lambda_um: 0.55, theta_i: 1.5533430342749532, phi_i: 0.4, layers: &[(1.3,
         }
     }
 
-    /// Moving the cylinder multiplies F by the phases of both ways; turning the light turns the field; a
-    /// layer of the core's index is no layer.
+    /// Moving the cylinder multiplies F by the phases of both paths; turning the light turns the field; a
+    /// layer of the core's index has no effect.
     #[test]
     fn moves_turns_and_idle_layers() {
         let wave = Wave { lambda_um: 0.5, theta_i: -0.7 };

@@ -1,11 +1,10 @@
 //! Wave optics of parallel fibers: scattering by straight cylinders of any outline, at any incidence (Yu
 //! 2025, 4.3; Xia 2020, 3-4).
 //!
-//! All fields are those of one axial wavenumber, `E(x, y, z) = E(x, y) exp(i k_z z)`, so a 3D problem lives
-//! in the plane ("2.5D").
-//! Its unknowns are `e = E_z` and `h = Z_0 H_z`, of the same unit, which obey Helmholtz's equation with the
-//! transverse wavenumber `kappa_j^2 = k_0^2 eps_j - k_z^2` of each medium j. The other components follow from
-//! them:
+//! All fields are those of one axial wavenumber, `E(x, y, z) = E(x, y) exp(i k_z z)`, so a 3D problem reduces
+//! to the plane ("2.5D"). Its unknowns are `e = E_z` and `h = Z_0 H_z`, of the same unit, which obey
+//! Helmholtz's equation with the transverse wavenumber `kappa_j^2 = k_0^2 eps_j - k_z^2` of each medium j.
+//! The other components follow from them:
 //!
 //! ```text
 //! E_T = (i / kappa_j^2) (k_z grad e - k_0 z x grad h)        h_T = (i / kappa_j^2) (k_z grad h + k_0 eps_j z x grad e)
@@ -107,7 +106,7 @@ use std::f64::consts::{PI, TAU};
 /// Complex number of the wave code.
 pub type C64 = Complex64;
 
-/// What all sources of one solve share: wavelength and latitude of the incidence.
+/// Wavelength and latitude of incidence, common to all sources of one solve.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Wave {
     /// Vacuum wavelength [um].
@@ -134,7 +133,7 @@ impl Wave {
 
     /// Transverse wavenumber [1/um] in a medium of complex `index`, with a non-negative imaginary part.
     pub fn k_rho_in(&self, index: C64) -> C64 {
-        // eps - sin^2, without its cancellation for air at grazing latitudes.
+        // eps - sin^2, without cancellation for air at grazing latitudes.
         let k = self.k0() * ((index - 1.0) * (index + 1.0) + self.theta_i.cos().powi(2)).sqrt();
         if k.im < 0.0 { -k } else { k }
     }
@@ -149,7 +148,7 @@ pub enum Polarization {
     Te,
 }
 
-/// Outline of a wall in its own frame. Counterclockwise; the solvers turn what runs the other way.
+/// Outline of a wall in its own frame. Counterclockwise; the solvers reverse clockwise ones.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Shape {
     /// Circle about the origin.
@@ -178,8 +177,8 @@ pub enum Shape {
     },
 }
 
-/// A homogeneous body bounded by a closed wall: a fiber, or the lumen inside of one. At most one lumen a
-/// body, any depth.
+/// A homogeneous body bounded by a closed wall: a fiber, or the lumen inside of one. At most one lumen per
+/// body, nested to any depth.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Body {
     /// Outline of the wall.
@@ -206,27 +205,27 @@ impl Body {
 /// Far field and power of one source.
 ///
 /// As rho -> inf, `E_s = sqrt(2/(pi k_rho rho)) exp(i (k_rho rho - pi/4 + k_z z)) [F_u u + F_phi phi]` with
-/// `u = cos theta_i z + sin theta_i rho`.
-/// In terms of the axial fields, which go as `sqrt(2/(pi k_rho rho)) exp(i (k_rho rho - pi/4)) a(phi)`:
-/// `F_u = a_e / cos theta_i`, `F_phi = a_h / cos theta_i`. Widths [um] are power per length over |S| of the
-/// incident wave; for a beam, over |S| at its center.
+/// `u = cos theta_i z + sin theta_i rho`. In terms of the axial fields, which vary as
+/// `sqrt(2/(pi k_rho rho)) exp(i (k_rho rho - pi/4)) a(phi)`: `F_u = a_e / cos theta_i`,
+/// `F_phi = a_h / cos theta_i`. Widths [um] are power per length over |S| of the incident wave; for a beam,
+/// over |S| at its center.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Scattered {
     /// F_u at azimuths 2 pi j / n, `[j]`.
     pub f_u: Vec<C64>,
     /// F_phi likewise.
     pub f_phi: Vec<C64>,
-    /// Scattered power, from the integral of the far field over a grid that resolves it [um].
+    /// Width of the scattered power [um], from the integral of the far field over a grid that resolves it.
     pub c_sca_um: f64,
-    /// Absorbed power, from the flux of the total field through the walls (or the series' own, for Mie and
-    /// multipoles) [um].
+    /// Width of the absorbed power [um], from the flux of the total field through the walls (or from the
+    /// series, for Mie and multipoles).
     pub c_abs_um: f64,
-    /// Extinction, from the optical theorem [um]. `c_sca + c_abs` equals it as far as the solution is exact;
-    /// nothing is scaled to make it so.
+    /// Width of the extinction [um], from the optical theorem. `c_sca + c_abs` equals it as far as the
+    /// solution is exact; nothing is scaled to make it so.
     pub c_ext_um: f64,
 }
 
-/// What a solver reports of itself.
+/// Statistics of a solver.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SolverStats {
     /// Size of the largest linear system solved.
@@ -237,10 +236,9 @@ pub struct SolverStats {
     pub peak_bytes: usize,
 }
 
-/// A scene prepared for one [`Wave`]: every source, any azimuth, beam and polarization, is served by the same
-/// factorization.
+/// A scene prepared for one [`Wave`]: one factorization serves every azimuth, beam and polarization.
 pub trait WaveSolver: Sync {
-    /// Far fields at `n_phi_out` azimuths and the ledger, one [`Scattered`] a source, in their order.
+    /// Far fields at `n_phi_out` azimuths and the ledger: one [`Scattered`] per source, in their order.
     ///
     /// # Errors
     /// [`WaveError::NotConverged`] where the residual stays above the tolerance.
@@ -258,11 +256,11 @@ pub fn scattering_width(wave: &Wave, f_u: &[C64], f_phi: &[C64]) -> f64 {
 }
 
 /// C_ext [um] by the optical theorem, from the amplitudes `(F_u, F_phi)` in the forward direction of each
-/// plane wave that makes the source.
+/// plane wave of the source.
 ///
-/// For one plane wave `C_ext = -(4/k_0) Re F_co(phi_i + pi)`, with the other sign for TE since
-/// `phi(phi_i + pi) = -e_TE`. A sum of plane waves with amplitudes A_m adds up `conj(A_m)` times the forward
-/// amplitude of its own direction.
+/// For one plane wave `C_ext = -(4/k_0) Re F_co(phi_i + pi)`, with the opposite sign for TE, since
+/// `phi(phi_i + pi) = -e_TE`. For plane waves with amplitudes A_m, the terms are `conj(A_m)` times the
+/// forward amplitude in each wave's direction.
 pub fn extinction_width(wave: &Wave, pol: Polarization, waves: &[PlaneWave], forward: &[(C64, C64)]) -> f64 {
     let sum: f64 = waves
         .iter()

@@ -1,16 +1,16 @@
 //! Several circular cylinders, plain or layered, at oblique incidence by cylindrical waves about each center
 //! (Graf's addition theorem, DLMF 10.23.7).
 //!
-//! Scattered amplitudes c of all cylinders obey `c_p = T_p (a_p + sum_q G_pq c_q)`, a the incident light
-//! about the center of p, T_p the response of `circle.rs`, and
+//! Scattered amplitudes c of all cylinders obey `c_p = T_p (a_p + sum_q G_pq c_q)`, where a_p is the incident
+//! light about the center of p, T_p the response of `circle.rs`, and
 //! `G_pq[n][m] = H_{m-n}(k_rho D) exp(i (m - n) psi)` for the vector (D, psi) from the center of q to that of
-//! p. All amplitudes are counted by the size s_n of H_n at their own wall, x = s c, which bounds every entry:
-//! orders may rise as narrow gaps ask. One LU factorization serves all sources; at normal incidence e and h
+//! p. All amplitudes are scaled by the size s_n of H_n at their own wall, x = s c, which bounds every entry,
+//! so narrow gaps may use high orders. One LU factorization serves all sources; at normal incidence e and h
 //! have one each, of half the size.
 //!
-//! How many orders a gap needs is not known beforehand: the first guess comes from the image points of the
-//! two walls, and orders are added until the amplitudes of the last ones are small enough for probe waves
-//! from several sides.
+//! The number of orders for a gap is not known beforehand. The first guess comes from the image points of the
+//! two walls, and orders are added until the last amplitudes are small enough for probe waves from several
+//! sides.
 
 use super::circle::{Circle, M2, Response, order_for};
 use super::lu::{Lu, par};
@@ -28,7 +28,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 const METHOD: &str = "multipole";
 const ZERO: C64 = C64::new(0.0, 0.0);
 
-/// Rounds of adding orders before the tolerance is called out of reach.
+/// Rounds of adding orders before the tolerance counts as unreachable.
 const ROUNDS: usize = 16;
 /// Azimuths of the probe waves that decide on the orders.
 const PROBES: usize = 5;
@@ -40,7 +40,7 @@ pub struct MultipoleSolver {
     wave: Wave,
     tolerance: f64,
     cylinders: Vec<Cylinder>,
-    /// One for both fields, or one each at normal incidence.
+    /// One system for both fields, or one each at normal incidence.
     systems: Vec<System>,
     peak_bytes: usize,
     /// Bits of the largest residual so far.
@@ -52,7 +52,7 @@ struct Cylinder {
     center_um: [f64; 2],
     radius_um: f64,
     response: Response,
-    /// Orders before this cylinder's, per field.
+    /// Number of orders before this cylinder's, per field.
     first: usize,
 }
 
@@ -91,8 +91,7 @@ impl MultipoleSolver {
     /// # Errors
     /// [`WaveError::Unsupported`] for other outlines, [`WaveError::Invalid`] and [`WaveError::Overlap`] for
     /// bad scenes, [`WaveError::TooLarge`] before a factorization that does not fit in the free memory,
-    /// [`WaveError::Unreachable`] where `tolerance` is below rounding or asks for more orders than could be
-    /// tried.
+    /// [`WaveError::Unreachable`] if `tolerance` is below rounding or needs more orders than the limit.
     pub fn new(bodies: &[Body], wave: &Wave, tolerance: f64) -> Result<Self, WaveError> {
         check_wave(wave)?;
         if bodies.is_empty() {
@@ -120,8 +119,8 @@ impl MultipoleSolver {
         }
         let mut tops = vec![0; circles.len()];
         if circles.len() > 2 {
-            // Every cylinder with its closest neighbor alone first: small systems, and most often the cluster
-            // asks for no more.
+            // First every cylinder with its closest neighbor alone: small systems, and usually the cluster
+            // needs no more orders.
             let mut known: Vec<([&Circle; 2], f64, Vec<usize>)> = Vec::new();
             for (i, p) in circles.iter().enumerate() {
                 let gap = |q: &Circle| distance(p, q) - p.radius_um() - q.radius_um();
@@ -168,8 +167,8 @@ impl MultipoleSolver {
             }
             for ((top, error), circle) in tops.iter_mut().zip(errors).zip(circles) {
                 if error > tolerance {
-                    // Squared amplitudes fall at least as exp(-2 alpha) an order, cosh(alpha) = n/x, unless a
-                    // gap holds them up: then the steps grow.
+                    // Squared amplitudes fall at least as exp(-2 alpha) per order, cosh(alpha) = n/x, unless
+                    // a gap slows them: then the steps grow.
                     let alpha = (*top as f64 / (wave.k_rho() * circle.radius_um())).max(1.0).acosh();
                     let more = (1 + round) as f64 * (error / tolerance).ln() / (2.0 * alpha);
                     *top += more.clamp(3.0, (*top as f64 / 8.0).max(4.0)) as usize;
@@ -189,7 +188,7 @@ impl MultipoleSolver {
         let orders: usize = tops.iter().map(|t| 2 * t + 1).sum();
         let normal = wave.kz() == 0.0;
         let (count, size) = if normal { (2, orders) } else { (1, 2 * orders) };
-        // Factors, one translation block a thread, and a batch of right-hand sides with their copies.
+        // Factors, one translation block per thread, and a batch of right-hand sides with their copies.
         let need = count * size * size * 16 + 6 * size * BATCH * 16;
         let have = available_bytes().unwrap_or(usize::MAX);
         if need > have {
@@ -349,7 +348,7 @@ impl MultipoleSolver {
         system.solve(&mut x);
         let mut exciting = Mat::zeros(0, 0);
         let mut residual = f64::INFINITY;
-        // Once more with the residual as right-hand side, if it is worth it.
+        // Solve again with the residual as right-hand side, if that helps.
         for round in 0..2 {
             exciting = a.clone();
             self.couple(fields.len(), x.as_ref(), &mut exciting);
@@ -369,13 +368,13 @@ impl MultipoleSolver {
         Ok(Solution { incident: a, exciting, x })
     }
 
-    /// For each cylinder, the part of its scattered amplitudes (at the wall, squared) that lies in the last
-    /// three orders, times twice the number of orders beyond the size parameter.
+    /// For each cylinder, the part of its scattered amplitudes (at the wall, squared) in the last three
+    /// orders, times twice the number of orders beyond the size parameter.
     ///
-    /// What is cut off acts on the far field only by way of the neighbors, that is twice, hence the square;
-    /// the number counts the pairs of orders that meet in a gap. Measured on pairs with gaps of 0.003 to 0.3
-    /// radii, sizes 1 to 60, glass and metal: with [`first_order`]'s sum over the left-out orders this bounds
-    /// the far field's relative error for all errors below 1e-3.
+    /// Omitted orders act on the far field only through the neighbors, that is twice, hence the square; the
+    /// number counts the pairs of orders in a gap. Measured on pairs with gaps of 0.003 to 0.3 radii, sizes 1
+    /// to 60, glass and metal: with [`first_order`]'s sum over the omitted orders this bounds the far field's
+    /// relative error for all errors below 1e-3.
     fn tails(&self, sources: &[Source]) -> Result<Vec<f64>, WaveError> {
         let mut tails = vec![0.0f64; self.cylinders.len()];
         for system in &self.systems {
@@ -400,7 +399,7 @@ impl MultipoleSolver {
         Ok(tails)
     }
 
-    /// Radius about `center_um` that holds all cylinders [um].
+    /// Radius about `center_um` that contains all cylinders [um].
     fn extent_um(&self, center_um: [f64; 2]) -> f64 {
         self.cylinders
             .iter()
@@ -466,7 +465,8 @@ impl MultipoleSolver {
                 let n_fine = fine[0].nrows() as f64;
                 // The optical theorem: the forward amplitudes of the source's plane waves, each times its
                 // conjugate amplitude, add up to the product of all incident and scattered amplitudes, since
-                // a plane wave's amplitudes are the conjugate of the far field's phases in its forward way.
+                // a plane wave's amplitudes are the conjugate of the far field's phases in its forward
+                // direction.
                 let forward: f64 =
                     (0..system.size).map(|r| (solution.incident[(r, c)].conj() * solution.x[(r, c)]).re).sum();
                 let mut c_abs_um = 0.0;
@@ -516,7 +516,7 @@ impl WaveSolver for MultipoleSolver {
 }
 
 impl System {
-    /// Whether sources of this polarization have to do with the fields in here.
+    /// Whether sources of this polarization involve the fields of this system.
     fn serves(&self, pol: Polarization) -> bool {
         let field = match pol {
             Polarization::Tm => 0,
@@ -538,13 +538,13 @@ fn distance(p: &Circle, q: &Circle) -> f64 {
     (p.center_um[0] - q.center_um[0]).hypot(p.center_um[1] - q.center_um[1])
 }
 
-/// First guess of the highest order about cylinder i, and the sum of the left-out squares over the last ones,
-/// `1 / (1 - r^2)`.
+/// First guess of the highest order about cylinder i, and the sum of the omitted squares relative to the last
+/// ones, `1 / (1 - r^2)`.
 ///
 /// Charges in the walls' gap image each other: a point at distance t from the center of the neighbor (radius
 /// b) has its image in this cylinder at `a^2 / (D - t)` from its center, weaker by the static reflection
-/// `(eps - 1)/(eps + 1)`, and so on to and fro. The image at s makes amplitudes at the wall that fall as
-/// (s/a)^n beyond the size parameter. r is s/a where the images gather.
+/// `(eps - 1)/(eps + 1)`, and so on back and forth. The image at s causes amplitudes at the wall that fall as
+/// (s/a)^n beyond the size parameter. r is s/a at the limit point of the images.
 fn first_order(circles: &[Circle], i: usize, wave: &Wave, tolerance: f64) -> (usize, f64) {
     let weakening = |c: &Circle| {
         let eps = c.layers[0].1 * c.layers[0].1;

@@ -1,5 +1,5 @@
-//! Multipoles. Truth: Mie for one cylinder; for several, a collocation of the walls' own conditions that
-//! knows neither Graf's theorem nor T-matrices.
+//! Tests of multipoles. References: Mie for one cylinder; for several, a collocation of the walls' conditions
+//! that uses neither Graf's theorem nor T-matrices.
 use super::*;
 use faer::Mat;
 use faer::linalg::solvers::SolveLstsq;
@@ -171,8 +171,8 @@ fn several_cylinders_agree_with_collocation() {
     }
 }
 
-/// With walls 0.10 um apart the collocation, not the series, is what has not converged: more orders bring it
-/// to the series.
+/// With walls 0.10 um apart the collocation, not the series, has not converged: more orders bring it to the
+/// series.
 #[test]
 #[ignore = "slow: 5 s: collocation of close cylinders converges to the series"]
 fn collocation_of_close_cylinders_converges_to_the_series() {
@@ -250,7 +250,7 @@ fn narrow_gaps_take_more_orders() {
     }
 }
 
-/// Light from a to b is as light from b to a: F_ab(phi_i -> phi_o; theta) = F_ba(phi_o -> phi_i; -theta) in
+/// Light from a to b equals light from b to a: F_ab(phi_i -> phi_o; theta) = F_ba(phi_o -> phi_i; -theta) in
 /// the bases of the conventions.
 #[test]
 fn reciprocity_and_translation() {
@@ -296,7 +296,7 @@ fn bad_scenes_are_refused() {
     assert!(matches!(new(&[], 1e-6), WaveError::Invalid { .. }));
 }
 
-/// A third way: boundary integrals, with hollow and absorbing fibers (the collocation above knows plain
+/// A third method: boundary integrals, with hollow and absorbing fibers (the collocation above treats plain
 /// ones).
 #[test]
 fn layered_cylinders_agree_with_boundary_integrals() {

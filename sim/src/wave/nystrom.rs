@@ -1,6 +1,7 @@
-//! Scattering by fibers of any outline: incident light onto the walls, densities to far field and ledger.
+//! Scattering by fibers of any outline: from incident light on the walls, through densities, to far field and
+//! ledger.
 //!
-//! The fields of [`system`](super::system) on outermost walls radiate. From
+//! The fields of [`system`](super::system) on outermost walls radiate. With
 //! `G ~ (i/4) sqrt(2/(pi k_rho rho)) exp(i (k_rho rho - pi/4)) exp(-i k_rho x.y)` with x the unit vector
 //! towards azimuth phi, the axial amplitudes are
 //!
@@ -31,7 +32,7 @@ use rayon::prelude::*;
 use std::f64::consts::{PI, TAU};
 use std::sync::atomic::{AtomicU64, Ordering};
 
-/// Azimuths whose phases are held at once.
+/// Number of azimuths whose phases are held at once.
 const AZIMUTH_CHUNK: usize = 64;
 
 /// The boundary integral solver: bodies prepared for one [`Wave`].
@@ -46,7 +47,7 @@ pub struct NystromSolver {
 
 impl NystromSolver {
     /// Assembles and factorizes the boundary equations of `bodies` (any outline, nested to any depth, lossy
-    /// or not) so that far fields are off by about `tolerance` relative to their largest value.
+    /// or not) for far fields with an error of about `tolerance` relative to their largest value.
     ///
     /// # Errors
     /// Bad numbers and shapes, walls that overlap, a tolerance out of reach, a system larger than the free
@@ -68,14 +69,14 @@ impl NystromSolver {
         Self { wave: *wave, tolerance, system, probes, residual: AtomicU64::new(0) }
     }
 
-    /// The same without the check of its fields, to measure how wrong too few nodes are.
+    /// The same without the check of its fields, to measure the error of too few nodes.
     #[cfg(test)]
     pub(crate) fn unchecked(self) -> Self {
         Self { probes: Probes::none(&self.wave), ..self }
     }
 }
 
-/// Densities of many columns to axial amplitudes at azimuths.
+/// Map from densities of many columns to axial amplitudes at azimuths.
 pub(crate) struct FarField {
     /// Center the phases refer to [um].
     pub center: [f64; 2],
@@ -86,8 +87,8 @@ pub(crate) struct FarField {
 }
 
 impl FarField {
-    /// For sources at `nodes`, resolved to `tolerance`. Where the walls have symmetries, their maps take the
-    /// grid to itself.
+    /// Map for sources at `nodes`, resolved to `tolerance`. The maps of the walls' symmetries take the grid
+    /// to itself.
     pub(crate) fn new(nodes: &[CurvePoint], k_rho: f64, tolerance: f64, group: &Group) -> Self {
         let mut center = [0.0; 2];
         for k in 0..2 {
@@ -115,7 +116,7 @@ impl FarField {
     }
 
     /// Amplitudes `(a_e, a_h)` on the grid, about the center: `[azimuth]` column after column. `densities`
-    /// are `(e, P, h, Q)` at a node, node after node, of which the first `nodes.len()` of `stride` radiate.
+    /// are `(e, P, h, Q)` at a node, node after node, where the first `nodes.len()` of `stride` radiate.
     pub(crate) fn amplitudes(
         &self,
         wave: &Wave,
@@ -199,7 +200,7 @@ impl FarField {
                 let (sin, cos) = half.sin_cos();
                 let sine = (n as f64 * half).sin();
                 *weight = if sin.abs() < 1e-12 {
-                    // At a multiple of 2 pi apart.
+                    // Apart by a multiple of 2 pi.
                     1.0
                 } else if n.is_multiple_of(2) {
                     sine * cos / (sin * n as f64)
@@ -227,7 +228,7 @@ impl FarField {
         re.iter().zip(im).zip(shifts.iter().cycle()).map(|((&re, &im), shift)| C64::new(re, im) * shift).collect()
     }
 
-    /// Where the map takes azimuth j of the grid.
+    /// Image of azimuth j of the grid under the map.
     fn image(&self, element: &Element, j: usize) -> usize {
         let n = self.azimuths as i64;
         let at = (element.azimuth(self.azimuth(j)) - self.start) * n as f64 / TAU;
@@ -235,7 +236,7 @@ impl FarField {
     }
 }
 
-/// Far fields F on the grid and absorbed widths, one column a density.
+/// Far fields F on the grid and absorbed widths, one column per density.
 struct Radiated {
     far: FarField,
     f_u: Vec<C64>,
@@ -268,7 +269,7 @@ impl Radiated {
     }
 }
 
-/// How a source follows from one that was solved: its image under a map, its amplitudes times factors.
+/// Relation of a source to a solved one: its image under a map, with its amplitudes times factors.
 #[derive(Clone, Copy)]
 struct Origin {
     column: usize,
@@ -277,8 +278,8 @@ struct Origin {
     factor_phi: C64,
 }
 
-/// Sources to be solved, and for every source how it follows from them. Plane waves that maps of the walls
-/// take to each other are solved once.
+/// Sources to be solved, and the relation of every source to them. Plane waves that maps of the walls take to
+/// each other are solved once.
 fn origins(wave: &Wave, group: &Group, sources: &[Source]) -> (Vec<usize>, Vec<Origin>) {
     let mut solved: Vec<usize> = Vec::new();
     let origins = sources
@@ -300,11 +301,11 @@ fn origins(wave: &Wave, group: &Group, sources: &[Source]) -> (Vec<usize>, Vec<O
                 solved.push(index);
                 return Origin { column: solved.len() - 1, element: 0, factor_u: C64::ONE, factor_phi: C64::ONE };
             };
-            // Both waves have phase zero at the origin, the map keeps the phase at the center.
+            // Both waves have phase zero at the origin; the map keeps the phase at the center.
             let towards = C64::from_polar(1.0, source.phi_i) - C64::from_polar(1.0, phi_i);
             let phase = C64::from_polar(1.0, -wave.k_rho() * (towards.conj() * group.center).re);
-            // A mirror turns h around: that of the scattered light for TM; the incident one for TE, so that
-            // the whole answer changes sign.
+            // A mirror reverses h: that of the scattered light for TM; the incident one for TE, so that the
+            // whole solution changes sign.
             let (factor_u, factor_phi) = match (group.elements[element].mirror, source.pol) {
                 (false, _) => (phase, phase),
                 (true, Polarization::Tm) => (phase, -phase),
@@ -317,7 +318,7 @@ fn origins(wave: &Wave, group: &Group, sources: &[Source]) -> (Vec<usize>, Vec<O
 }
 
 /// Far fields and ledger of sources from the total fields on outermost walls. `densities` are `(e, P, h, Q)`
-/// node after node, `stride` nodes a column, one column a source.
+/// node after node, `stride` nodes per column, one column per source.
 #[allow(dead_code, reason = "for the solver of many fibers")]
 pub(crate) fn harvest(
     wave: &Wave,
@@ -337,7 +338,7 @@ pub(crate) fn harvest(
     finish(wave, &group, &radiated, &origins, sources, n_phi_out)
 }
 
-/// Far fields at the azimuths asked for and ledgers, one a source.
+/// Far fields at the requested azimuths and ledgers, one per source.
 fn finish(
     wave: &Wave,
     group: &Group,
@@ -367,7 +368,7 @@ fn finish(
             let (pol, waves) = &sources[s];
             let (u, phi) = grid[2 * m * s..][..2 * m].split_at(m);
             let ahead: Vec<f64> = waves.iter().map(|w| w.phi_i + PI).collect();
-            // The theorem looks at the incident polarization alone.
+            // The theorem uses the incident polarization alone.
             let forward: Vec<(C64, C64)> = match pol {
                 Polarization::Tm => far.resample(wave, u, &ahead).into_iter().map(|f| (f, C64::ZERO)).collect(),
                 Polarization::Te => far.resample(wave, phi, &ahead).into_iter().map(|f| (C64::ZERO, f)).collect(),
@@ -428,7 +429,7 @@ impl WaveSolver for NystromSolver {
                 }
             }
         }
-        // Residuals are not negative: their bits are ordered as they are.
+        // Residuals are not negative, so the order of their bits is theirs.
         self.residual.fetch_max(residual.to_bits(), Ordering::Relaxed);
         if residual.is_nan() || residual > 0.1 * self.tolerance {
             return Err(WaveError::NotConverged { residual, iterations: 0 });

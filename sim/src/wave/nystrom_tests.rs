@@ -1,6 +1,6 @@
-//! Tests of the boundary integral solver. Truth first: the series of layered circular cylinders, implemented
-//! here independently; then sources inside and outside of outlines that are not circles, whose densities are
-//! known; then what must hold of any solution (ledger, reciprocity, convergence); then reference
+//! Tests of the boundary integral solver. References first: the series of layered circular cylinders,
+//! implemented here independently; then sources inside and outside of non-circular outlines with known
+//! densities; then properties of any solution (ledger, reciprocity, convergence); then reference
 //! implementations.
 
 use super::curve::Resolution;
@@ -84,7 +84,7 @@ fn layered(wave: &Wave, walls: &[(f64, C64)], source: &Source, n_phi: usize) -> 
                 let sign = if side == 0 { 1.0 } else { -1.0 };
                 let medium = w + side;
                 let (j, dj, h, dh) = (values[0], values[1], values[2], values[3]);
-                // Waves are scaled to one on a wall of theirs, or high orders overflow.
+                // Waves are scaled to one on one of their walls, or high orders overflow.
                 let scale_j = if medium == 0 { C64::ONE } else { 1.0 / (tables[medium - 1][1][m][0] * flip) };
                 let scale_h = if medium < walls.len() { 1.0 / (tables[medium][0][m][2] * flip) } else { C64::ONE };
                 for is_e in [true, false] {
@@ -134,9 +134,9 @@ fn both(phi_i: f64) -> Vec<Source> {
     [Polarization::Tm, Polarization::Te].map(|pol| Source { phi_i, pol, beam: None }).to_vec()
 }
 
-/// Largest difference over the largest value, both components together.
+/// Largest difference relative to the largest value, both components together.
 fn difference(got: &Scattered, want_u: &[C64], want_phi: &[C64]) -> f64 {
-    // A sum, unlike f64::max, does not lose NaN.
+    // A sum keeps NaN, unlike f64::max.
     assert!(got.f_u.iter().chain(&got.f_phi).chain(want_u).chain(want_phi).sum::<C64>().is_finite());
     let far = |a: &[C64], b: &[C64]| a.iter().zip(b).map(|(a, b)| (a - b).norm()).fold(0.0, f64::max);
     let size = want_u.iter().chain(want_phi).map(|c| c.norm()).fold(0.0, f64::max);
@@ -228,7 +228,7 @@ fn assorted() -> Vec<Body> {
 
 /// Green's representations, summed plainly at points away from the walls with the solved densities, vanish on
 /// the wrong side of every medium: with the incident field of a point source this is the extinction theorem,
-/// which only the exact densities fulfil. The sums know nothing of the solver's kernels.
+/// which only the exact densities fulfill. The sums share no kernel with the solver.
 fn extinction_error(bodies: &[Body], wave: &Wave, tolerance: f64) -> f64 {
     let system = BoundarySystem::new(bodies, wave, tolerance).unwrap();
     let nodes = system.nodes();
@@ -268,7 +268,7 @@ fn extinction_error(bodies: &[Body], wave: &Wave, tolerance: f64) -> f64 {
     let mut worst: f64 = 0.0;
     for (index, medium) in system.media().iter().enumerate() {
         // Middles of bodies and points outside, all of them away from walls; those in this medium itself are
-        // left out below.
+        // omitted below.
         let probes = [[-0.75, -0.3], [0.2, 0.1], [2.4, 0.3], [0.6, -2.2], [-3.0, -2.0], [4.0, -1.5]];
         let home = [1, 2, 3, if bodies.len() > 2 { 4 } else { 0 }, 0, 0];
         for (x, _) in probes.iter().zip(home).filter(|(_, home)| *home != index) {
@@ -300,8 +300,8 @@ fn extinction_error(bodies: &[Body], wave: &Wave, tolerance: f64) -> f64 {
     worst
 }
 
-/// The extinction theorem for an ellipse with a lumen, a bean and a triangle together. Fields are of size 0.1
-/// to 1.
+/// Densities obey the extinction theorem for an ellipse with a lumen, a bean and a triangle together. Fields
+/// are of size 0.1 to 1.
 #[test]
 #[ignore = "slow: 5 s: densities obey the extinction theorem"]
 fn densities_obey_the_extinction_theorem() {
@@ -356,7 +356,7 @@ fn ledger_and_reciprocity() {
     }
 }
 
-/// Blocks by symmetry against the whole system.
+/// Blocks by symmetry agree with the whole system.
 #[test]
 fn symmetry_changes_nothing() {
     let corner = |j: i32| [1.5 * (2.0 * PI * j as f64 / 3.0).cos(), 1.5 * (2.0 * PI * j as f64 / 3.0).sin()];
@@ -426,8 +426,8 @@ fn thin_outlines_are_resolved() {
     }
 }
 
-/// Ellipses at gaps of 0.2 and 0.05 um, absorbing and clear: what a tolerance gives agrees with what a much
-/// finer one gives.
+/// Ellipses at gaps of 0.2 and 0.05 um, absorbing and clear: results agree with those of a much finer
+/// tolerance.
 #[test]
 fn close_fibers_converge() {
     for gap in [0.2, 0.05] {
@@ -454,8 +454,8 @@ fn close_fibers_converge() {
     }
 }
 
-/// Sources that the body's symmetry maps on each other are solved once: each must be what it is when it is
-/// solved alone, wherever the body stands.
+/// Sources that the body's symmetry maps to each other are solved once: each must equal its separate
+/// solution, wherever the body is.
 #[test]
 fn mapped_sources_are_themselves() {
     let corner = |j: i32| [1.5 * (2.0 * PI * j as f64 / 3.0).cos(), 1.5 * (2.0 * PI * j as f64 / 3.0).sin()];
@@ -484,7 +484,7 @@ fn mapped_sources_are_themselves() {
 }
 
 /// Observed convergence. On smooth outlines errors fall faster than any power of the node number, to 1e-10 of
-/// the series at 6 nodes a wavelength; on a rounded polygon with joints graded to order 5 they fall with a
+/// the series at 6 nodes per wavelength; on a rounded polygon with joints graded to order 5 they fall with a
 /// power of at least 4.5.
 #[test]
 #[ignore = "slow: 5 s: errors fall as nodes are added"]
@@ -508,7 +508,7 @@ fn errors_fall_as_nodes_are_added() {
     for (radius, theta_i) in [(2.0, 0.0), (2.0, 0.5), (7.5, 0.5)] {
         let wave = Wave { lambda_um: 0.4, theta_i };
         let bodies = [circle(radius, [0.0, 0.0], 1.55, 0.0)];
-        // The series of its own module, which holds more orders than the one above.
+        // The series of its module, which has more orders than the one above.
         let mie = MieSolver::new(&bodies[0], &wave, 1e-12).unwrap();
         let truth = |source: &Source| {
             let s = mie.scatter(&[*source], 90).unwrap().swap_remove(0);

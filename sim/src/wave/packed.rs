@@ -1,11 +1,11 @@
-//! Matrices in fixed point of 40 bits, in ten bytes a complex number for sixteen: what merged groups hold for
-//! long and use a panel at a time.
+//! Matrices in fixed point of 40 bits, with ten bytes per complex number in place of sixteen, for long-lived
+//! data of merged groups that is used a panel at a time.
 //!
-//! What a coefficient of an interpolation may be off by is the same for all of a column: the field of a site
-//! that is left out is off by the sum of what the fields of those that stand for it are multiplied with. Each
-//! column has a step of its own, the power of 2 that is 2^-39 to 2^-38 of its largest real or imaginary part;
-//! rounding is off by half of it, at most 1.8e-12 of that part. Single precision is off by 6e-8 of each
-//! coefficient, which is too much.
+//! The allowed error of an interpolation's coefficients is the same within a column: the error of an omitted
+//! site's field is the sum of the errors of its coefficients times the fields of the sites that represent it.
+//! Each column has its own step, the power of 2 that is 2^-39 to 2^-38 of its largest real or imaginary part;
+//! the rounding error is half of it, at most 1.8e-12 of that part. Single precision has an error of 6e-8 of
+//! each coefficient, which is too much.
 
 use super::C64;
 use faer::MatRef;
@@ -13,7 +13,7 @@ use std::ops::Range;
 
 /// Bits of a number of steps, without the sign.
 const BITS: i64 = 39;
-/// Columns that are unpacked at a time.
+/// Number of columns unpacked at a time.
 pub(super) const PANEL: usize = 256;
 /// Memory of an entry over that of a complex number.
 pub(super) const SHARE: f64 = 10.0 / 16.0;
@@ -21,20 +21,20 @@ pub(super) const SHARE: f64 = 10.0 / 16.0;
 /// A matrix, column after column.
 pub(super) struct Packed {
     rows: usize,
-    /// Size of a step, by column; not a number where an entry is none.
+    /// Size of a step, by column; NaN if an entry is not finite.
     steps: Vec<f64>,
     /// Steps of real and imaginary parts: the upper 32 bits with the sign, the lower 8.
     upper: Vec<[i32; 2]>,
     lower: Vec<[u8; 2]>,
 }
 
-/// 2^e, of exponents of normal numbers.
+/// 2^e, for exponents of normal numbers.
 fn power(e: i64) -> f64 {
     f64::from_bits(((e + 1023) as u64) << 52)
 }
 
 impl Packed {
-    /// Of `values`, columns of `rows` entries.
+    /// Packs `values`, columns of `rows` entries.
     pub fn new(values: &[C64], rows: usize) -> Self {
         let columns = values.len().checked_div(rows).unwrap_or(0);
         let mut packed = Self {
@@ -69,7 +69,7 @@ impl Packed {
         size_of_val(self.steps.as_slice()) + size_of_val(self.upper.as_slice()) + size_of_val(self.lower.as_slice())
     }
 
-    /// Panels of some rows, one after the other: the columns each has, and it.
+    /// Unpacks panels of some rows, one after the other, and passes each with its columns to `take`.
     pub fn panels(&self, rows: Range<usize>, mut take: impl FnMut(Range<usize>, MatRef<'_, C64>)) {
         let mut panel = Vec::new();
         for first in (0..self.steps.len()).step_by(PANEL) {
@@ -79,7 +79,7 @@ impl Packed {
         }
     }
 
-    /// Some rows of some columns, in place of what `out` has.
+    /// Unpacks some rows of some columns, replacing the contents of `out`.
     fn unpack(&self, rows: Range<usize>, columns: Range<usize>, out: &mut Vec<C64>) {
         let tall = rows.len();
         out.clear();
@@ -99,8 +99,8 @@ impl Packed {
 mod tests {
     use super::*;
 
-    /// Columns from 1e-200 to 1e300 come back to 2^-39 of their largest entry, multiples of a step as they
-    /// are, and parts of the matrix as the whole of it has them.
+    /// Columns from 1e-200 to 1e300 are restored to 2^-39 of their largest entry, multiples of a step
+    /// exactly, and parts of the matrix as in the whole.
     #[test]
     fn entries_come_back() {
         let (rows, sizes) = (300, [1.0, 1e-200, 7e300, 0.0, 3e-5]);
@@ -135,7 +135,7 @@ mod tests {
         }
     }
 
-    /// What is not finite is not hidden; no rows and no columns are matrices too.
+    /// Non-finite values stay visible; matrices may have no rows or columns.
     #[test]
     fn odd_matrices() {
         let (nan, infinite) = (C64::new(f64::NAN, 0.0), C64::new(0.0, f64::INFINITY));

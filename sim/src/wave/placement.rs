@@ -1,4 +1,4 @@
-//! Where bodies lie: the frames of equal ones, and the points of a wall that take part in its dealings with
+//! Placement of bodies: the frames of equal ones, and the candidate points of a wall for its interaction with
 //! others.
 
 use super::close::{FINEST, closeness};
@@ -46,7 +46,7 @@ pub(super) fn at_home(body: &Body) -> Body {
     home
 }
 
-/// Whether two bodies at home are the same but for rounding of their lumens' places.
+/// Whether two bodies in their own frames are equal up to rounding of their lumens' positions.
 pub(super) fn same(a: &Body, b: &Body) -> bool {
     let near = |a: f64, b: f64| (a - b).abs() <= 1e-11;
     a.shape == b.shape
@@ -70,7 +70,7 @@ pub(super) fn bounds<'a>(points: impl Iterator<Item = &'a CurvePoint>) -> ([f64;
     })
 }
 
-/// Candidate points of body b, in the scene: finer where other bodies are close.
+/// Candidate points of body b in the scene, finer where other bodies are close.
 pub(super) fn candidates(
     b: usize,
     frames: &[Frame],

@@ -1,9 +1,9 @@
-//! One fiber by rays: its azimuthal scattering under a beam that is wider than it (Xia 2020, 6: "Ray traced
-//! BCSDF").
+//! Azimuthal scattering of one fiber by rays, under a beam that is wider than the fiber (Xia 2020, 6: "Ray
+//! traced BCSDF").
 //!
-//! The walk is that of the ply, [`trace_path`], through a section of one straight fiber. Only absorption has
-//! a scale for rays, so the fiber is traced at a fixed size, that of the fibers the tracer's offsets are
-//! meant for, and path lengths are scaled back.
+//! The walk is that of the ply, [`trace_path`], through a section of one straight fiber. For rays only
+//! absorption has a length scale, so the fiber is traced at a fixed size that suits the tracer's offsets, and
+//! path lengths are scaled back.
 
 use super::{SingleFiber, WaveError};
 use crate::error::SimError;
@@ -18,7 +18,7 @@ use nalgebra::Vector3;
 use rand::RngExt;
 use std::f64::consts::TAU;
 
-/// Radius that fibers are traced at [um].
+/// Radius of traced fibers [um].
 const TRACED_UM: f64 = 10.0;
 
 /// A fiber prepared for tracing.
@@ -26,7 +26,7 @@ pub(crate) struct RaySlice {
     fiber: SingleFiber,
     tracer: ScrewTracer,
     surface: RoughDielectric,
-    /// Traced over true size.
+    /// Traced size over true size.
     scale: f64,
 }
 
@@ -55,12 +55,12 @@ impl RaySlice {
         Ok(RaySlice { fiber: fiber.clone(), tracer, surface, scale })
     }
 
-    /// Fills `bins` with the scattered light over phi_r - phi_i as a fraction of the light that falls on the
-    /// fiber [1/rad], bin j centered at `2 pi j / bins`; gives the absorbed fraction. What is in neither was
-    /// killed. Incidence is `[theta_i, phi_i]` [rad].
+    /// Fills `bins` with the scattered light over phi_r - phi_i as a fraction of the light incident on the
+    /// fiber [1/rad], bin j centered at `2 pi j / bins`; returns the absorbed fraction. The remaining
+    /// fraction is that of killed paths. Incidence is `[theta_i, phi_i]` [rad].
     ///
-    /// Rays are spread evenly over the fiber's shadow, one at random in each of `rays` parts. One that slips
-    /// by within the tracer's accuracy of the edge goes straight on.
+    /// Rays are spread evenly over the fiber's shadow, one at random in each of `rays` parts. A ray that
+    /// misses within the tracer's accuracy of the edge goes straight on.
     pub(crate) fn trace(
         &self,
         [theta_i, phi_i]: [f64; 2],
@@ -74,7 +74,7 @@ impl RaySlice {
         let (sin_t, cos_t) = theta_i.sin_cos();
         let (sin_p, cos_p) = phi_i.sin_cos();
         let dir = -Vector3::new(cos_t * cos_p, cos_t * sin_p, sin_t).cast::<f32>();
-        // The shadow exists for every outline the tracer was made from.
+        // The shadow exists for every outline of a tracer.
         let [low, high] = self.fiber.shadow_um(phi_i).unwrap_or_default().map(|s| s * self.scale);
         let count = bins.len();
         let mut energy = vec![0.0f64; count];

@@ -1,9 +1,9 @@
-//! From a scene to its far fields: the choice of the solver, the slices of equal wavelength and latitude, the
-//! checks of what comes back, the report.
+//! From a scene to its far fields: choice of the solver, slices of equal wavelength and latitude, checks of
+//! the results, report.
 //!
-//! A slice is solved by one factorization for all its sources. Slices run side by side as far as memory
-//! allows; a single one is left to the solver's own threads. Nothing is scaled to make powers add up: a case
-//! whose ledger does not balance is an error.
+//! A slice is solved by one factorization for all its sources. Slices run in parallel as far as memory
+//! allows; for a single slice the solver's threads run in parallel. Nothing is scaled to make powers add up:
+//! a case whose ledger does not balance is an error.
 
 use super::choice::{by_shape, candidates, least_length};
 use super::scene::degrees;
@@ -17,27 +17,27 @@ use crate::runs::{self, ArrayLayout, Description, Done, Job, Part, Run, Values};
 use serde::{Serialize, Serializer};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
-/// Sources given to a solver at a time: enough for block solves, few enough for a bar to move.
+/// Sources per call of a solver: enough for block solves, few enough for a progress bar to move.
 const SOURCES: usize = 256;
 
-/// What roundings of fields of size 1 make of widths, in units of the length of all walls.
+/// Error of widths due to rounding of fields of size 1, in units of the length of all walls.
 const ROUNDING: f64 = 1e-12;
-/// Tolerances that a method is tried at, over the one asked for: where powers do not add up within it, a
-/// finer solution is made. The second is within what compression reaches at the default tolerance.
+/// Tolerances that a method is tried at, relative to the requested one: if powers do not add up within it, a
+/// finer solution is computed. Compression reaches the second at the default tolerance.
 const FINER: [f64; 3] = [1.0, 0.21, 0.02];
 
-/// What one source scatters.
+/// Scattering of one source.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Case {
     /// Vacuum wavelength [um].
     pub lambda_um: f64,
-    /// Latitude of the incidence [rad]; degrees in files.
+    /// Latitude of incidence [rad]; degrees in files.
     #[serde(rename = "theta_i_deg", serialize_with = "in_degrees")]
     pub theta_i: f64,
     /// Azimuth the light comes from [rad]; degrees in files.
     #[serde(rename = "phi_i_deg", serialize_with = "in_degrees")]
     pub phi_i: f64,
-    /// Offset of the beam [um]; none for plane waves.
+    /// Offset of the beam [um]; `None` for plane waves.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub h_um: Option<f64>,
     /// Polarization.
@@ -60,10 +60,10 @@ pub struct Case {
     pub c_ext_um: f64,
 }
 
-/// How a run went.
+/// Statistics of a run.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct RunStats {
-    /// The solver that was used; the costliest where slices needed several.
+    /// The solver; the costliest one if slices needed several.
     pub method: &'static str,
     /// Size of the largest linear system.
     pub unknowns: usize,
@@ -71,17 +71,17 @@ pub struct RunStats {
     pub residual: f64,
     /// Time of the slices, one after the other [s].
     pub seconds: f64,
-    /// The most memory the process held at once, or the solvers' estimate where the system does not tell
-    /// [bytes].
+    /// Peak memory of the process, or the solvers' estimate if the system does not report it [bytes].
     pub peak_bytes: usize,
 }
 
-/// What `plywave wave scatter` writes. Cases by wavelength, within it by theta_i, phi_i, h and polarization.
+/// Output of `plywave wave scatter`. Cases are ordered by wavelength, then theta_i, phi_i, h and
+/// polarization.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Report {
-    /// One a combination.
+    /// One case per combination.
     pub cases: Vec<Case>,
-    /// How the run went.
+    /// Statistics of the run.
     pub stats: RunStats,
 }
 
@@ -108,9 +108,9 @@ type Solver = Box<dyn WaveSolver>;
 /// current thread pool of rayon; results do not depend on its size. `text` is the scene's.
 ///
 /// # Errors
-/// What the solvers refuse, [`WaveError::NotConverged`] for a residual above the tolerance,
-/// [`WaveError::Ledger`] for powers that do not add up, all in
-/// [`SimError::Wave`]; [`SimError::Interrupted`] and errors of the parts folder.
+/// Errors of the solvers, [`WaveError::NotConverged`] for a residual above the tolerance,
+/// [`WaveError::Ledger`] for powers that do not add up, all in [`SimError::Wave`]; [`SimError::Interrupted`]
+/// and errors of the parts folder.
 pub fn scatter(scene: &Scene, text: &str, run: Run<'_>) -> Result<Report, SimError> {
     let mut report = runs::run(&ScatterJob::new(scene, text), run)?;
     report.stats.peak_bytes = memory::peak_bytes().unwrap_or(report.stats.peak_bytes);
@@ -121,20 +121,19 @@ fn unsupported(method: Method, what: &str, hint: &str) -> WaveError {
     WaveError::Unsupported { method: method.name(), what: what.into(), hint: hint.into() }
 }
 
-/// Whether a finer solution may succeed where one fails so.
+/// Whether a finer solution may succeed after this error.
 fn is_coarse(error: &WaveError) -> bool {
     use WaveError::{Ledger, NotConverged, Uncancelled};
     matches!(error, NotConverged { .. } | Uncancelled { .. } | Ledger { .. })
 }
 
-/// Whether another method may succeed where one fails so. Whatever answers in the end has passed its own
-/// residual and ledger.
+/// Whether another method may succeed after this error. Every result has passed its own residual and ledger.
 fn passes_on(error: &WaveError) -> bool {
     use WaveError::{TooLarge, Unreachable, Unsupported};
     is_coarse(error) || matches!(error, Unsupported { .. } | Unreachable { .. } | TooLarge { .. })
 }
 
-/// The cheapest solver that takes these fibers at this wave.
+/// The cheapest solver that accepts these fibers at this wave.
 pub(crate) fn solver_of(fibers: &[Body], wave: &Wave, tolerance: f64) -> Result<Solver, WaveError> {
     let mut refusal = None;
     let fibers = &visible(fibers);
@@ -161,14 +160,14 @@ fn prepare(method: Method, bodies: &[Body], wave: &Wave, tolerance: f64) -> Resu
             }
         },
         Method::Nystrom | Method::Auto => {
-            // Every node meets every other.
+            // Every node interacts with every other.
             let unknowns = least_unknowns(bodies, wave);
             check_memory(unknowns, 4.0 * unknowns * unknowns)?;
             Box::new(NystromSolver::new(bodies, wave, tolerance)?)
         }
         Method::Multipole => Box::new(MultipoleSolver::new(bodies, wave, tolerance)?),
         Method::Compressed | Method::Hierarchical => {
-            // Every node meets those of its own fiber.
+            // Every node interacts with those of its own fiber.
             let own: Vec<f64> = bodies.iter().map(|b| least_unknowns(std::slice::from_ref(b), wave)).collect();
             let unknowns: f64 = own.iter().sum();
             check_memory(unknowns, 64.0 * unknowns + 4.0 * own.iter().fold(0.0, |a: f64, &b| a.max(b)).powi(2))?;
@@ -186,9 +185,9 @@ fn walls(bodies: &[Body]) -> impl Iterator<Item = &Body> {
     bodies.iter().flat_map(|body| std::iter::successors(Some(body), |b| b.lumen.as_deref()))
 }
 
-/// Lower bound of the unknowns of boundary integrals, two nodes a wavelength with two unknowns each on every
-/// wall. The solvers count exactly, but only with the nodes in memory. Waves inside of lossy bodies may ask
-/// for none.
+/// Lower bound of the unknowns of boundary integrals, two nodes per wavelength with two unknowns each on
+/// every wall. The solvers count exactly, but only with the nodes in memory. Waves inside of lossy bodies may
+/// need none.
 fn least_unknowns(bodies: &[Body], wave: &Wave) -> f64 {
     let index = |wall: &Body| if wall.kappa == 0.0 { wall.eta.max(1.0) } else { 1.0 };
     walls(bodies).map(|wall| 4.0 * least_length(&wall.shape) * index(wall) / wave.lambda_um).sum()
@@ -204,11 +203,11 @@ fn check_memory(unknowns: f64, bytes: f64) -> Result<(), WaveError> {
     }
 }
 
-/// What makes the solver of a slice by a method, to a tolerance.
+/// Constructor of a slice's solver by a method, to a tolerance.
 pub(crate) type Prepare<'a> = dyn Fn(Method, &Wave, f64) -> Result<Solver, WaveError> + Sync + 'a;
 
 /// A scene as a job: a shard is a slice, those of the shortest waves first, as they make the largest systems.
-/// Its part has the far fields and widths of its cases and how it was solved.
+/// Its part has the far fields and widths of its cases, and the method of the solve.
 pub struct ScatterJob<'a> {
     scene: Scene,
     text: String,
@@ -229,7 +228,7 @@ impl<'a> ScatterJob<'a> {
         ScatterJob { scene, text: text.into(), waves, sources, order, prepare: None }
     }
 
-    /// The same job from its description.
+    /// The job of a description.
     ///
     /// # Errors
     /// Those of the scene.
@@ -245,7 +244,7 @@ impl<'a> ScatterJob<'a> {
     }
 
     /// One slice by one method at a tolerance: all sources by one solver, each checked against the scene's
-    /// tolerance. `None` when stopped. `progress` is told of all cases done so far.
+    /// tolerance. `None` when stopped. `progress` is called with all cases done so far.
     fn slice(
         &self,
         method: Method,
@@ -265,7 +264,7 @@ impl<'a> ScatterJob<'a> {
             let checked = (|| {
                 let scattered = solver.scatter(sources, n)?;
                 let residual = solver.stats().residual;
-                // Asked this way, a NaN does not pass.
+                // Written this way, a NaN fails the check.
                 let solved = residual <= self.scene.tolerance;
                 if !solved {
                     return Err(WaveError::NotConverged { residual, iterations: 1 });
@@ -293,7 +292,7 @@ impl<'a> ScatterJob<'a> {
     }
 }
 
-/// A slice as it comes back from a part.
+/// A slice restored from a part.
 pub struct Slice {
     cases: Vec<Case>,
     method: Method,
@@ -344,14 +343,15 @@ impl Job for ScatterJob<'_> {
     ) -> Result<Option<Done>, SimError> {
         let wave = &self.waves[self.order[shard]];
         let mut refusal = None;
-        // Cases that a method solved before it failed are not told again of the next one.
+        // Cases that a method solved before it failed are not reported again for the next one.
         let told = AtomicU64::new(0);
         let tell = |done: u64| progress(done.saturating_sub(told.fetch_max(done, Ordering::Relaxed)));
         for method in candidates(&self.scene, wave) {
             for finer in FINER {
                 match self.slice(method, wave, finer * self.scene.tolerance, stop, &tell) {
                     Err(error) if is_coarse(&error) => refusal = Some(error),
-                    // Memory or digits that a finer solution lacks are not what the method failed for.
+                    // A lack of memory or digits in a finer solution is not the reason for the method's
+                    // failure.
                     Err(error) if passes_on(&error) => {
                         if finer == 1.0 {
                             refusal = Some(error);
@@ -398,7 +398,7 @@ impl Job for ScatterJob<'_> {
 
     fn finish(&self, slices: Vec<Option<Slice>>) -> Result<Report, SimError> {
         let slices: Vec<Slice> = slices.into_iter().flatten().collect();
-        // The costliest that a slice needed.
+        // The costliest method of any slice.
         let method = METHODS.into_iter().rfind(|m| slices.iter().any(|s| s.method == *m));
         let stats = RunStats {
             method: method.unwrap_or_default().name(),
@@ -411,7 +411,7 @@ impl Job for ScatterJob<'_> {
     }
 }
 
-/// Methods in the order of their cost for few fibers; the one for many comes last.
+/// Methods in the order of their cost for few fibers; the method for many comes last.
 const METHODS: [Method; 6] =
     [Method::Auto, Method::Mie, Method::Multipole, Method::Compressed, Method::Nystrom, Method::Hierarchical];
 
@@ -420,12 +420,12 @@ fn method_of(number: f64) -> Option<Method> {
     METHODS.into_iter().enumerate().find(|(at, _)| *at as f64 == number).map(|(_, m)| m)
 }
 
-/// Refuses powers that do not add up within the tolerance, and fields that are not numbers. What counts is
+/// Refuses powers that do not add up within the tolerance, and fields that are not numbers. The reference is
 /// the greater of C_ext and `2 sqrt(C_sca / k_0)`.
 ///
 /// The second is (4/k_0) times the root mean square of |F|: the C_ext of thin clear fibers is the small
-/// difference of an F nearly out of phase, with an error as large.
-/// Bodies that are all but invisible are off by roundings.
+/// difference of an F nearly out of phase, with an error as large. Almost invisible bodies have errors of
+/// rounding.
 ///
 /// # Errors
 /// [`WaveError::Ledger`].
@@ -433,7 +433,7 @@ pub fn check_ledger(wave: &Wave, tolerance: f64, bodies: &[Body], scattered: &Sc
     let scale = scattered.c_ext_um.abs().max(2.0 * (scattered.c_sca_um / wave.k0()).sqrt());
     let allowed_um = tolerance * scale + ROUNDING * walls(bodies).map(|wall| least_length(&wall.shape)).sum::<f64>();
     let defect_um = scattered.c_ext_um - scattered.c_sca_um - scattered.c_abs_um;
-    // NaNs in the far field show in C_sca; asked this way, they do not pass.
+    // NaNs in the far field show in C_sca; written this way, they fail the check.
     if defect_um.abs() <= allowed_um {
         return Ok(());
     }
@@ -452,7 +452,7 @@ mod tests {
 
     const SCENE: &str = "lambda_um = [0.7, 0.5, 0.6]\ntheta_i_deg = [0, 20]\nphi_i_deg = [0, 90]\nn_phi_out = 12\n[beam]\nw0_um = 5\nh_um = [0, 1]\n[[fiber]]\nshape = \"circle\"\nradius_um = 0.8\neta = 1.5\nkappa = 0.01\n";
 
-    /// A solver whose results are spoiled on the way.
+    /// A solver with spoiled results.
     struct Spoiled {
         inner: MieSolver,
         residual: f64,
@@ -479,7 +479,7 @@ mod tests {
         runs::run(&ScatterJob { prepare: Some(&prepare), ..ScatterJob::new(scene, "") }, Run::plain())
     }
 
-    /// Every combination once, in order; each equals a run of its own; progress adds up.
+    /// Every combination once, in order; each equals a separate run; progress adds up.
     #[test]
     fn cases_are_complete_and_in_order() {
         let scene = Scene::parse(SCENE).unwrap();
@@ -514,8 +514,8 @@ mod tests {
         }
     }
 
-    /// Powers that do not add up, residuals that stay, fields that are not numbers: errors, never answers.
-    /// The first bad slice is told, whatever the threads.
+    /// Powers that do not add up, residuals that stay, fields that are not numbers: errors, never results.
+    /// The first bad slice is reported, whatever the threads.
     #[test]
     fn bad_solutions_are_errors() {
         let scene = Scene::parse(SCENE).unwrap();
@@ -529,7 +529,7 @@ mod tests {
         }
     }
 
-    /// A solution whose powers are off is made anew, finer, before it is refused.
+    /// A solution whose powers do not add up is recomputed at a finer tolerance before it is refused.
     #[test]
     fn coarse_solutions_are_refined() {
         let scene = Scene::parse(SCENE).unwrap();
@@ -542,8 +542,7 @@ mod tests {
         assert_eq!(runs::run(&job, Run::plain()).unwrap().cases, solve(&scene).unwrap().cases);
     }
 
-    /// The ledger is held to the tolerance at every tolerance; zeros and roundings of invisible bodies add
-    /// up.
+    /// The ledger is compared with every tolerance; zeros and roundings of invisible bodies add up.
     #[test]
     fn ledgers_are_held_to_the_tolerance() {
         let wave = Wave { lambda_um: 0.5, theta_i: 0.0 };
@@ -564,7 +563,7 @@ mod tests {
         }
     }
 
-    /// "auto" takes the cheapest solver that serves the scene, and the next where one refuses.
+    /// "auto" takes the cheapest solver that suits the scene, and the next if one refuses.
     #[test]
     fn auto_takes_what_serves() {
         let circle =
@@ -594,7 +593,7 @@ mod tests {
         assert!(matches!(error, SimError::Wave(WaveError::Unsupported { method: "mie", .. })), "{error}");
     }
 
-    /// The file has the keys that are promised, in that order, and numbers that come back.
+    /// The file has the documented keys in order, and numbers that read back.
     #[test]
     fn reports_are_written_as_promised() {
         let scene = Scene::parse(SCENE).unwrap();

@@ -1,15 +1,15 @@
-//! The scene of `plywave wave scatter`: bodies, lists of incidences and what must hold between them. Its text
-//! is read in `scene_toml.rs`; walls are held to each other in `scene_check.rs`.
+//! The scene of `plywave wave scatter`: bodies, lists of incidences, and checks across them. `scene_toml.rs`
+//! reads its text; `scene_check.rs` checks walls against each other.
 
 use super::scene_check::check_walls;
 use super::{BeamSource, Body, Polarization, Source, Wave, WaveError};
 
-/// Most complex amplitudes of one run: 0.6 GiB in memory, about 1.5 GiB as JSON.
+/// Largest number of complex amplitudes of one run: 0.6 GiB in memory, about 1.5 GiB as JSON.
 const MAX_AMPLITUDES: f64 = 4e7;
-/// Which solver serves a scene.
+/// Solver for a scene.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Method {
-    /// The cheapest that is right for the scene.
+    /// The cheapest that suits the scene.
     #[default]
     Auto,
     /// Series of one circle, with concentric circular lumens or none.
@@ -20,12 +20,12 @@ pub enum Method {
     Nystrom,
     /// Boundary integrals fiber by fiber, coupled through compressed responses.
     Compressed,
-    /// The same with the coupling solved by merging groups of fibers: for many of them.
+    /// As `Compressed`, with the coupling solved by merging groups, for many fibers.
     Hierarchical,
 }
 
 impl Method {
-    /// All, in the order in which messages list them.
+    /// All methods, in the order of messages.
     pub(super) const ALL: [Method; 6] =
         [Method::Auto, Method::Mie, Method::Multipole, Method::Nystrom, Method::Compressed, Method::Hierarchical];
 
@@ -51,8 +51,8 @@ pub struct Beams {
     pub h_um: Vec<f64>,
 }
 
-/// What `plywave wave scatter` computes. Every combination of wavelength, incidence, offset and polarization
-/// is one case.
+/// Scene of `plywave wave scatter`. Every combination of wavelength, incidence, offset and polarization is
+/// one case.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Scene {
     /// Vacuum wavelengths [um].
@@ -65,16 +65,16 @@ pub struct Scene {
     pub n_phi_out: usize,
     /// Largest error of the far field, relative to its greatest value.
     pub tolerance: f64,
-    /// Which solver to use.
+    /// Solver to use.
     pub method: Method,
-    /// Beams; plane waves without.
+    /// Beams; `None` for plane waves.
     pub beams: Option<Beams>,
     /// The fibers.
     pub bodies: Vec<Body>,
 }
 
 impl Scene {
-    /// What must hold between the parts: the walls, the beams at every wave, the number of cases. Parsed
+    /// Checks conditions across the parts: the walls, the beams at every wave, the number of cases. Parsed
     /// scenes have passed it.
     ///
     /// # Errors
@@ -98,8 +98,7 @@ impl Scene {
         check_walls(&self.bodies)
     }
 
-    /// The beam's waist must not be too narrow at any wave; the longest transverse wavelength asks for the
-    /// widest.
+    /// Refuses a waist that is too narrow at any wave; the longest transverse wavelength requires the widest.
     fn check_waists(&self) -> Result<(), WaveError> {
         let Some(beams) = &self.beams else { return Ok(()) };
         let lambda_um = self.lambda_um.iter().copied().fold(0.0, f64::max);
@@ -109,7 +108,7 @@ impl Scene {
         Ok(())
     }
 
-    /// No medium may have a transverse wavenumber of zero. That does not depend on the wavelength.
+    /// Refuses a medium with a transverse wavenumber of zero, which does not depend on the wavelength.
     fn check_indices(&self, theta_i: f64) -> Result<(), WaveError> {
         let wave = Wave { lambda_um: 1.0, theta_i };
         for (i, fiber) in self.bodies.iter().enumerate() {
@@ -152,7 +151,7 @@ impl Scene {
         sources
     }
 
-    /// Number of cases; it may be too large a number to run.
+    /// Number of cases, which may be too large to run.
     pub fn cases(&self) -> usize {
         let offsets = self.beams.as_ref().map_or(1, |b| b.h_um.len());
         [self.lambda_um.len(), self.theta_i.len(), self.phi_i.len(), offsets, 2]
@@ -161,11 +160,10 @@ impl Scene {
     }
 }
 
-/// Least |kappa_j| / k_0 of a medium: the fields of the walls are divided by its square.
+/// Least |kappa_j| / k_0 of a medium: the fields on walls are divided by its square.
 const MIN_K_RHO: f64 = 1e-3;
 
-/// An angle as written in files [degrees]: to 1e-12, so that what was read from a round number is that number
-/// again.
+/// An angle as written in files [degrees], rounded to 1e-12 so that round numbers read back exactly.
 pub(crate) fn degrees(angle: f64) -> f64 {
     let rounded = (angle.to_degrees() * 1e12).round() / 1e12;
     // No negative zeros.

@@ -1,7 +1,7 @@
-//! Walls of a scene against themselves and each other: simple, smooth, apart, lumens inside of their bodies.
+//! Checks of a scene's walls: simple, smooth, apart, lumens inside of their bodies.
 //!
-//! Circles are treated exactly. Other walls are sampled so densely that the chords leave the curve by some
-//! 1e-6 of its size; two walls that are closer than their chords' departures count as touching. Chords are
+//! Circles are treated exactly. Other walls are sampled so densely that the chords deviate from the curve by
+//! some 1e-6 of its size; two walls that are closer than these deviations count as touching. Chords are
 //! grouped into runs with a bounding box each, so that a pair of walls costs little more than its nearest
 //! runs.
 
@@ -18,7 +18,7 @@ const RUN: usize = 16;
 /// Largest turn between two chords [rad] that counts as smooth: a curve of radius 1/6000 of its size still
 /// turns by less.
 const SHARPEST: f64 = 0.5;
-/// Relative accuracy to which circles are told apart.
+/// Relative accuracy of gaps between circles.
 const CIRCLE_SLACK: f64 = 1e-10;
 
 /// Refuses walls that no solver can treat.
@@ -57,16 +57,16 @@ pub fn check_walls(bodies: &[Body]) -> Result<(), WaveError> {
     Ok(())
 }
 
-/// How one closed wall lies to another.
+/// Relation of one closed wall to another.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Relation {
     /// Each is outside of the other.
     Apart,
-    /// The first holds the second.
+    /// The first contains the second.
     Holds,
-    /// The second holds the first.
+    /// The second contains the first.
     IsHeld,
-    /// They cross or come too close to tell.
+    /// They cross or are too close to decide.
     Touches,
 }
 
@@ -97,7 +97,7 @@ impl Bounds {
 struct Wall {
     curve: Curve,
     bounds: Bounds,
-    /// Largest distance of the true curve from the one that is looked at [um].
+    /// Largest distance of the true curve from the sampled one [um].
     slack_um: f64,
 }
 
@@ -107,7 +107,7 @@ enum Curve {
 }
 
 impl Wall {
-    /// The wall of `body`, found to be smooth and simple.
+    /// The wall of `body`, checked to be smooth and simple.
     fn new(body: &Body, name: &str) -> Result<Wall, WaveError> {
         let center = Point::from(body.center_um);
         let points = match &body.shape {
@@ -132,7 +132,7 @@ impl Wall {
         let points: Vec<Point> =
             points.iter().map(|p| center + Point::new(cos * p.x - sin * p.y, sin * p.x + cos * p.y)).collect();
         let (turn, sharpest, slack) = turns(&points);
-        // Written so that a NaN is refused too.
+        // Written this way, a NaN fails the check.
         let smooth = sharpest < SHARPEST && slack.is_finite();
         if !smooth {
             let key = if matches!(body.shape, Shape::Polygon { .. }) { "points_um" } else { "coeffs" };
@@ -221,7 +221,7 @@ impl Wall {
     }
 }
 
-/// How a circle lies to a closed polyline.
+/// Relation of a circle to a closed polyline.
 fn circle_and_chords(center: Point, radius: f64, points: &[Point], reach: f64) -> Relation {
     let farthest = points.iter().map(|p| (p - center).norm()).fold(0.0, f64::max);
     if farthest + reach < radius {
@@ -250,9 +250,9 @@ fn chord(points: &[Point], i: usize) -> (Point, Point) {
     (points[i], points[(i + 1) % points.len()])
 }
 
-/// Total turn, sharpest turn [rad] and largest departure from the curve [um] of a closed polyline drawn
-/// through a curve. An arc of turn t over a chord of length c departs by about c t / 8; twice that is taken,
-/// since the curvature may change from one chord to the next.
+/// Total turn, sharpest turn [rad] and largest deviation from the curve [um] of a closed polyline through a
+/// curve. An arc of turn t over a chord of length c deviates by about c t / 8; twice that is used, since the
+/// curvature may change from one chord to the next.
 fn turns(points: &[Point]) -> (f64, f64, f64) {
     let n = points.len();
     let (mut total, mut sharpest, mut slack) = (0.0, 0.0, 0.0);
@@ -267,7 +267,7 @@ fn turns(points: &[Point]) -> (f64, f64, f64) {
     (total, sharpest, slack)
 }
 
-/// Whether the closed polyline holds `p`, which is not on it.
+/// Whether the closed polyline contains `p`, which is not on it.
 fn holds(points: &[Point], p: Point) -> bool {
     let crossings = (0..points.len()).filter(|&i| {
         let (a, b) = chord(points, i);
@@ -296,7 +296,7 @@ fn near((a, b): (Point, Point), (c, d): (Point, Point), reach: f64) -> bool {
             .any(|&x| x <= reach)
 }
 
-/// The polygon with its corners replaced by arcs, as points; along the edges there are none.
+/// Points of the polygon with corners replaced by arcs; there are none along the edges.
 fn round(points_um: &[[f64; 2]], rounding_um: f64, name: &str) -> Result<Vec<Point>, WaveError> {
     let corners: Vec<Point> = points_um.iter().map(|&p| Point::from(p)).collect();
     let n = corners.len();
@@ -311,7 +311,7 @@ fn round(points_um: &[[f64; 2]], rounding_um: f64, name: &str) -> Result<Vec<Poi
             "this corner is given twice in a row; leave one out (the polygon closes by itself)".into(),
         );
     }
-    // An arc of radius r that turns by t takes r tan(t/2) of both edges.
+    // An arc of radius r that turns by t removes r tan(t/2) from both edges.
     let turn = |i: usize| {
         let (u, v) = (corners[i] - corners[(i + n - 1) % n], corners[(i + 1) % n] - corners[i]);
         u.perp(&v).atan2(u.dot(&v))
@@ -332,14 +332,14 @@ fn round(points_um: &[[f64; 2]], rounding_um: f64, name: &str) -> Result<Vec<Poi
         let turn = turn(i);
         let along = (corners[i] - corners[(i + n - 1) % n]).normalize();
         let begin = corners[i] - along * (rounding_um * taken(i));
-        // The arc's center lies at the side to which it turns.
+        // The arc's center lies on the side to which it turns.
         let center = begin + Point::new(-along.y, along.x) * (rounding_um * turn.signum());
         let steps = (turn.abs() * CHORDS as f64 / TAU).ceil().max(1.0);
         for j in 0..=steps as usize {
             let (sin, cos) = (turn * j as f64 / steps).sin_cos();
             let arm = begin - center;
             let p = center + Point::new(cos * arm.x - sin * arm.y, sin * arm.x + cos * arm.y);
-            // Where arcs fill an edge, one ends where the next begins; a straight corner has an arc of no
+            // If arcs fill an edge, one ends where the next begins; a straight corner has an arc of zero
             // length.
             if points.last().is_none_or(|q: &Point| (q - p).norm() > 1e-9 * rounding_um) {
                 points.push(p);
@@ -384,7 +384,7 @@ mod tests {
         }
     }
 
-    /// Gaps are told to 1e-5 of the size from either side, for every pairing of exact and sampled walls.
+    /// Gaps are resolved to 1e-5 of the size from either side, for every pairing of exact and sampled walls.
     #[test]
     fn gaps_are_told_closely() {
         let far = |b: Body, x: f64| Body { center_um: [x, 0.0], ..b };
@@ -411,7 +411,7 @@ mod tests {
         assert!(overlap(&[upright(0.0), ellipse(2.0, 0.5, [1.1, 0.0])]), "one lies across the other");
     }
 
-    /// One fiber within another is no lumen, though the walls are far apart.
+    /// One fiber within another is not a lumen, though the walls are far apart.
     #[test]
     fn fibers_do_not_hold_fibers() {
         for outer in [circle(5.0, [0.0; 2]), ellipse(5.0, 4.0, [0.0; 2])] {
@@ -450,12 +450,12 @@ mod tests {
             assert_eq!(check_walls(&[b]), Err(WaveError::SelfCrossing { wall: "fiber[0]".into() }));
         };
         // A limacon with an inner loop; a circle run through twice; a figure of eight; a lemniscate-like
-        // curve whose turns cancel.
+        // curve with turns that cancel.
         crossing(fourier(&[(1, 1.0), (2, 1.0)]));
         crossing(fourier(&[(2, 1.0)]));
         crossing(polygon(&[[0.0, 0.0], [4.0, 4.0], [4.0, 0.0], [0.0, 4.0]], 0.2));
         crossing(fourier(&[(1, 1.0), (-3, 0.9), (5, 0.4)]));
-        // Two arms that touch from opposite sides: turns add up to one, yet the walls meet.
+        // Two arms that touch from opposite sides: turns add up to one, but the walls touch.
         let comb = [[0.0, 0.0], [9.0, 0.0], [9.0, 9.0], [4.0, 9.0], [6.0, 4.0], [3.0, 4.0], [5.0, 9.0], [0.0, 9.0]];
         crossing(polygon(&comb, 0.1));
     }
@@ -465,7 +465,7 @@ mod tests {
         for k in [-1, 1] {
             check_walls(&[fourier(&[(k, 3.0), (4 * k, 0.3), (-2 * k, 0.5)])]).unwrap();
         }
-        // A kidney, a star of 40 teeth, a polygon both ways round with a straight corner.
+        // A kidney, a star of 40 teeth, a polygon in both orientations with a straight corner.
         check_walls(&[fourier(&[(1, 3.0), (-1, 0.5), (2, 0.7)])]).unwrap();
         check_walls(&[fourier(&[(1, 8.0), (41, 0.05), (-39, 0.05)])]).unwrap();
         let mut points = vec![[0.0, 0.0], [4.0, 0.0], [8.0, 0.0], [8.0, 6.0], [5.0, 3.0], [0.0, 6.0]];
@@ -495,7 +495,7 @@ mod tests {
         }
     }
 
-    /// Many sampled walls are checked in a moment: 400 side by side.
+    /// Many sampled walls are checked quickly: 400 side by side.
     #[test]
     fn many_fibers_are_apart() {
         let bodies: Vec<Body> =

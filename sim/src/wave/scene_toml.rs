@@ -1,7 +1,7 @@
-//! The TOML of a scene: flat tables in, bodies and lists of incidences out. The one place of the wave code
-//! that reads keys and degrees.
+//! Reader of a scene's TOML: from flat tables to bodies and lists of incidences. Only this file of the wave
+//! code reads keys and degrees.
 //!
-//! Every key is held to its range here, so that the solvers get sound bodies only.
+//! It checks the range of every key, so that the solvers get valid bodies only.
 
 use super::scene::{Beams, Method, Scene, invalid};
 use super::{Body, C64, Shape, WaveError};
@@ -10,18 +10,18 @@ use toml::{Table, Value};
 
 /// Largest scene file that is read [bytes].
 const MAX_BYTES: u64 = 4 << 20;
-/// Most entries of a list of wavelengths, angles or offsets.
+/// Largest length of a list of wavelengths, angles or offsets.
 const MAX_LIST: usize = 100_000;
-/// Most fibers of a scene.
+/// Largest number of fibers in a scene.
 const MAX_FIBERS: usize = 2000;
-/// Deepest nest of lumens.
+/// Largest depth of nested lumens.
 const MAX_NEST: usize = 16;
-/// Most corners of a polygon and coefficients of a Fourier outline.
+/// Largest number of corners of a polygon and of coefficients of a Fourier outline.
 const MAX_POINTS: usize = 2000;
 /// Highest harmonic of a Fourier outline.
 const MAX_HARMONIC: i64 = 256;
 
-/// Closed range of lengths that make a wall [um].
+/// Closed range of a wall's lengths [um].
 const SIZE: (f64, f64) = (1e-4, 1e4);
 /// Closed range of coordinates [um].
 const PLACE: (f64, f64) = (-1e5, 1e5);
@@ -30,10 +30,9 @@ impl Scene {
     /// Reads a scene from its text.
     ///
     /// # Errors
-    /// [`WaveError::Unreadable`] for what is no TOML, [`WaveError::Invalid`] for a key that is unknown,
-    /// absent or out of range,
-    /// [`WaveError::SelfCrossing`], [`WaveError::Overlap`] and [`WaveError::LumenOutside`] for walls that
-    /// cannot be.
+    /// [`WaveError::Unreadable`] for text that is not TOML, [`WaveError::Invalid`] for a key that is unknown,
+    /// absent or out of range, [`WaveError::SelfCrossing`], [`WaveError::Overlap`] and
+    /// [`WaveError::LumenOutside`] for impossible walls.
     pub fn parse(text: &str) -> Result<Scene, WaveError> {
         let table: Table = toml::from_str(text).map_err(|e| {
             let at = e.span().and_then(|span| text.as_bytes().get(..span.start)).map(|head| {
@@ -48,7 +47,7 @@ impl Scene {
         Ok(scene)
     }
 
-    /// Reads a scene from a file, and gives the file's text with it. Messages do not name the file.
+    /// Reads a scene from a file, and also returns the file's text. Messages do not name the file.
     ///
     /// # Errors
     /// As [`Scene::parse`], and [`WaveError::Unreadable`] for a file that cannot be read.
@@ -257,7 +256,7 @@ fn read_beams(keys: &Keys<'_>) -> Result<Beams, WaveError> {
     Ok(Beams { w0_um, h_um })
 }
 
-/// A fiber, or the lumen of `outer`, whose depth in the nest is given beside it.
+/// Reads a fiber, or the lumen of `outer`, which comes with its nesting depth.
 fn read_body(keys: &Keys<'_>, outer: Option<(&Body, usize)>) -> Result<Body, WaveError> {
     const SHAPES: [(&str, &[&str]); 4] = [
         ("circle", &["radius_um"]),
@@ -402,8 +401,8 @@ eta = 1.5
         assert_eq!(scene.bodies.len(), 3);
         let fiber = &scene.bodies[0];
         assert_eq!(fiber.index(), C64::new(1.55, 1e-4));
-        // A lumen is air about its fiber's center and turned as the fiber, unless it says otherwise; its
-        // center is in the scene's frame.
+        // By default a lumen is air about its fiber's center and turned as the fiber; its center is in the
+        // scene's frame.
         let lumen = fiber.lumen.as_deref().unwrap();
         assert_eq!((lumen.center_um, lumen.rotation_rad), (fiber.center_um, fiber.rotation_rad));
         assert_eq!((lumen.eta, lumen.kappa), (1.0, 0.0));
@@ -540,7 +539,7 @@ eta = 1.5
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(512))]
 
-        /// No text makes the parser panic; what it accepts passes its own check.
+        /// No text makes the parser panic; accepted scenes pass their own check.
         #[test]
         fn any_text_is_taken_or_refused(text in "\\PC{0,200}") {
             if let Ok(scene) = Scene::parse(&text) {
@@ -548,7 +547,7 @@ eta = 1.5
             }
         }
 
-        /// Nor does a good scene with a piece replaced by another token.
+        /// A valid scene with a piece replaced by another token does not either.
         #[test]
         fn any_edit_is_taken_or_refused(
             at in 0..FULL.len(), cut in 0usize..12,
@@ -566,7 +565,7 @@ eta = 1.5
             }
         }
 
-        /// Angles come back from radians as they were written.
+        /// Angles are restored from radians as written.
         #[test]
         fn degrees_come_back(tenths in -3600i32..3600) {
             let angle = f64::from(tenths) / 10.0;

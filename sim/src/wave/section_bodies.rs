@@ -4,8 +4,8 @@
 //! Circles stay circles. A polyline whose vertices lie on an ellipse becomes that ellipse. Any other polyline
 //! has its vertices on a smooth curve, evenly in arc length, so that its trigonometric interpolant converges
 //! as fast as the curve is smooth: it becomes a Fourier outline through the vertices, cut where the rest is
-//! below [`CUT_UM`], and checked against the outline between them. Rounded polygons, whose curvature jumps,
-//! decay as 1/k^3: their joints are softened over one spacing of the vertices or so.
+//! below [`CUT_UM`], and checked against the outline between them. The coefficients of rounded polygons,
+//! whose curvature jumps, decay as 1/k^3: their joints are softened over about one spacing of the vertices.
 
 use super::scene_check::check_walls;
 use super::{Body, C64, Shape, WaveError};
@@ -16,18 +16,18 @@ use nalgebra::{Matrix4, Vector2, Vector4};
 use std::f64::consts::TAU;
 
 /// Largest distance that cutting the Fourier series may move a point [um]: a four-hundredth of a wavelength,
-/// and a two-hundredth of the least gap of the specs that ship.
+/// and a two-hundredth of the least gap of the shipped specs.
 const CUT_UM: f64 = 1e-3;
 /// Largest distance of a Fourier outline from the fiber's, between vertices too [um].
 const LARGEST_DEVIATION_UM: f64 = 0.01;
-/// How far points may be off a conic that counts as theirs, relative to its size.
+/// Largest distance of points from their conic, relative to its size.
 const CONIC: f64 = 1e-10;
 
 /// Bodies of all fibers of `section`, in their order, apart from each other. Lumens hold air.
 ///
 /// # Errors
 /// [`WaveError::Invalid`] for an outline too sharp for its vertices, [`WaveError::Overlap`] and the like for
-/// walls that meet.
+/// walls that touch.
 pub fn section_bodies(section: &PlySection, eta: f64, kappa: f64) -> Result<Vec<Body>, WaveError> {
     let bodies: Vec<Body> =
         section.fibers.iter().map(|fiber| fiber_body(fiber, eta, kappa)).collect::<Result<_, _>>()?;
@@ -35,7 +35,7 @@ pub fn section_bodies(section: &PlySection, eta: f64, kappa: f64) -> Result<Vec<
     Ok(bodies)
 }
 
-/// The body of one fiber where it lies in its section.
+/// The body of one fiber at its position in the section.
 ///
 /// # Errors
 /// [`WaveError::Invalid`] for an outline too sharp for its vertices.
@@ -52,7 +52,7 @@ pub fn fiber_body(fiber: &FiberSection, eta: f64, kappa: f64) -> Result<Body, Wa
     body(&fiber.outer, eta, kappa, lumen)
 }
 
-/// A wall as a shape of the wave code, and where that shape's origin lies in the fiber's frame.
+/// A wall as a shape of the wave code, and the origin of that shape in the fiber's frame.
 fn shape_of(wall: &Outline) -> Result<(Shape, Vector2<f64>), WaveError> {
     match wall {
         Outline::Circle { radius_um } => Ok((Shape::Circle { radius_um: *radius_um }, Vector2::zeros())),
@@ -63,7 +63,7 @@ fn shape_of(wall: &Outline) -> Result<(Shape, Vector2<f64>), WaveError> {
     }
 }
 
-/// The ellipse along the axes that all points lie on, with its center, if there is one:
+/// The ellipse along the axes through all points, with its center, if there is one:
 /// `A x^2 + C y^2 + D x + E y = 1`.
 fn ellipse_through(points: &[Vector2<f64>]) -> Option<(Shape, Vector2<f64>)> {
     let size = points.iter().map(|p| p.norm()).fold(0.0, f64::max);
@@ -96,8 +96,7 @@ fn ellipse_through(points: &[Vector2<f64>]) -> Option<(Shape, Vector2<f64>)> {
     Some((shape, center))
 }
 
-/// The trigonometric interpolant of evenly spaced points of a closed curve, cut where the rest does not
-/// matter.
+/// The trigonometric interpolant of evenly spaced points of a closed curve, cut where the rest is negligible.
 fn fourier_through(points: &[Vector2<f64>]) -> Result<Shape, WaveError> {
     let n = points.len();
     let z: Vec<C64> = points.iter().map(|p| C64::new(p.x, p.y)).collect();
@@ -106,7 +105,7 @@ fn fourier_through(points: &[Vector2<f64>]) -> Result<Shape, WaveError> {
     let coefficient = |k: i32| {
         let step = k.rem_euclid(n as i32) as usize;
         let sum: C64 = z.iter().enumerate().map(|(j, z)| z * roots[j * step % n].conj()).sum();
-        // An even number of points tells the sum of the two highest harmonics alone; halves of it wiggle
+        // An even number of points gives only the sum of the two highest harmonics; equal halves oscillate
         // least.
         let share = if n.is_multiple_of(2) && k.abs() == top { 0.5 } else { 1.0 };
         (k, sum * (share / n as f64))
@@ -132,7 +131,7 @@ fn fourier_through(points: &[Vector2<f64>]) -> Result<Shape, WaveError> {
 }
 
 /// Largest distance, across the wall, of a Fourier outline from the curve whose points these are: at the
-/// points, and halfway between them, where the curve is taken from the cubic through the four nearest [um].
+/// points, and halfway between them, where the curve is the cubic through the four nearest points [um].
 fn deviation(points: &[Vector2<f64>], coeffs: &[(i32, C64)]) -> f64 {
     let n = points.len();
     let at = |j: usize| points[j % n];
@@ -154,7 +153,7 @@ fn deviation(points: &[Vector2<f64>], coeffs: &[(i32, C64)]) -> f64 {
 
 #[cfg(test)]
 mod tests {
-    //! Truth: the curves that the outlines are drawn from, and the outlines' own area, centroid and gaps.
+    //! References: the curves of the outlines, and the outlines' own area, centroid and gaps.
     use super::*;
     use plywave::spec::YarnSpec;
 
@@ -255,7 +254,7 @@ mod tests {
     }
 
     /// The three-lobed outline is known: its interpolant lies on r(t) = R (1 + depth cos 3 t) far more
-    /// closely than asked.
+    /// closely than required.
     #[test]
     fn analytic_outlines_are_met() {
         let section = PlySection::generate(&spec(SHAPES[5], 0.0), 4).unwrap();
@@ -271,7 +270,7 @@ mod tests {
         }
     }
 
-    /// Corners too sharp for the vertices are refused in words, not smoothed in silence.
+    /// Corners too sharp for the vertices are refused with a message, not smoothed silently.
     #[test]
     fn sharp_corners_are_refused() {
         let points: Vec<_> = (0..80)

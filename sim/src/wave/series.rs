@@ -3,14 +3,14 @@
 use super::{C64, PlaneWave};
 use std::f64::consts::{PI, TAU};
 
-/// Multiplications by one phase factor before it is computed again: keeps the phase to 1e-14.
+/// Multiplications by a phase factor before the phase is computed again, which keeps it to 1e-14.
 const REFRESH: usize = 32;
 
 /// Amplitudes p_n, n = -top..=top, of
 /// `sum_m A_m exp(-i k_rho x . u_m) = sum_n p_n J_n(k_rho rho) exp(i n phi)` about `center_um`.
 ///
-/// `p_n = sum_m A_m exp(-i k_rho center . u_m) (-i)^n exp(-i n phi_m)`, u_m the unit vector at the azimuth
-/// the wave comes from (DLMF 10.12.1).
+/// `p_n = sum_m A_m exp(-i k_rho center . u_m) (-i)^n exp(-i n phi_m)`, where u_m is the unit vector at the
+/// azimuth that the wave comes from (DLMF 10.12.1).
 pub(super) fn incident(waves: &[PlaneWave], k_rho: f64, center_um: [f64; 2], top: usize) -> Vec<C64> {
     let mut p = vec![C64::new(0.0, 0.0); 2 * top + 1];
     for w in waves {
@@ -48,7 +48,7 @@ impl AzimuthGrid {
     pub fn sum(&self, coeffs: &[C64]) -> Vec<C64> {
         let size = self.roots.len();
         let top = (coeffs.len() / 2) as i64;
-        // Orders that agree modulo the grid's size are the same on it.
+        // Orders that agree modulo the grid's size alias.
         let mut folded = vec![C64::new(0.0, 0.0); size];
         for (i, c) in coeffs.iter().enumerate() {
             folded[(i as i64 - top).rem_euclid(size as i64) as usize] += c;

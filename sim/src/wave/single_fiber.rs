@@ -1,8 +1,8 @@
-//! One fiber of a yarn spec or a scene as a body of the wave code, with the symmetry of its outline: the mean
-//! shape, without jitter.
+//! One fiber of a yarn spec or a scene as a body of the wave code, with the symmetry of its outline. The
+//! shape is the mean one, without jitter.
 //!
-//! Everything that takes a single fiber, by waves or by rays, takes it from here, so that both see the same
-//! outline. Its frame is the outline's own, with the centroid at the origin and no turn.
+//! Waves and rays both use it, so they have the same outline. Its frame is the outline's own, with the
+//! centroid at the origin and no turn.
 
 use super::{Body, C64, Scene, Shape, WaveError};
 use crate::error::SimError;
@@ -15,7 +15,7 @@ use plywave::spec::{FiberSpec, YarnSpec};
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 use std::path::Path;
 
-/// How strongly the fiber's material absorbs.
+/// Absorption of the fiber's material.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Absorption {
     /// Imaginary index kappa, the same at every wavelength.
@@ -51,10 +51,10 @@ pub struct SingleFiber {
     pub absorption: Absorption,
     /// Symmetry of its outline.
     pub symmetry: OutlineSymmetry,
-    /// GGX roughness of its walls, which rays see and waves do not.
+    /// GGX roughness of its walls, for rays only.
     pub alpha_fiber: f64,
-    /// Of an opaque fiber and of one with dispersion: the fiber of the spec, which has the index at each
-    /// wavelength. The body has that at sodium's line.
+    /// For an opaque fiber or one with dispersion: the fiber of the spec, which has the index at each
+    /// wavelength. The body has the index at the sodium line.
     pub by_wavelength: Option<FiberSpec>,
 }
 
@@ -64,15 +64,15 @@ const MAX_BYTES: u64 = 4 << 20;
 const MEASURED: usize = 2048;
 
 impl SingleFiber {
-    /// Reads the fiber of a file and gives the text that tells it whole: a yarn spec's mean fiber, with
-    /// `sigma_per_um` for its absorption, or the one fiber of a scene, which brings its own.
+    /// Reads the fiber of a file, and returns the text that defines it: a yarn spec's mean fiber, with the
+    /// absorption `sigma_per_um`, or the one fiber of a scene, with its own absorption.
     ///
     /// # Errors
     /// Those of [`YarnSpec::load`] and [`Scene::load`] (which do not name the file), and
     /// [`WaveError::Invalid`] for a scene of several fibers.
     pub fn load(path: impl AsRef<Path>, sigma_per_um: f64) -> Result<(SingleFiber, String), SimError> {
         let path = path.as_ref();
-        // What cannot be read or parsed is told by the reader of yarn specs.
+        // The reader of yarn specs reports files that cannot be read or parsed.
         let text = plywave::io::read_text(path, MAX_BYTES).unwrap_or_default();
         if !is_scene(&text) {
             let (spec, text) = YarnSpec::load(path)?;
@@ -81,7 +81,7 @@ impl SingleFiber {
         Ok((SingleFiber::of_scene(&text, sigma_per_um)?, text))
     }
 
-    /// The fiber of the text that [`SingleFiber::load`] gives; `file` stands for the file in errors.
+    /// The fiber of the text that [`SingleFiber::load`] returns; `file` stands for the file in errors.
     ///
     /// # Errors
     /// As [`SingleFiber::load`].
@@ -116,9 +116,8 @@ impl SingleFiber {
         Ok(SingleFiber::of_body(body))
     }
 
-    /// The mean fiber of a yarn spec: its shape as given, without jitter of any kind. Shapes that are
-    /// irregular by nature take their regular form: a stone its regular polygon of the same area, a serrated
-    /// outline even teeth of the mean depth.
+    /// The mean fiber of a yarn spec: its shape as given, without jitter. Irregular shapes take their regular
+    /// form: a stone its regular polygon of the same area, a serrated outline even teeth of the mean depth.
     pub fn of_spec(spec: &FiberSpec, absorption: Absorption) -> SingleFiber {
         let fold = |folds, mirror| OutlineSymmetry { folds, mirror_rad: Some(mirror) };
         let mut lumen = None;
@@ -165,7 +164,7 @@ impl SingleFiber {
             }
             plywave::spec::Shape::Polygon { points_um, rounding_um, .. } => {
                 let corners: Vec<_> = points_um.iter().map(|p| Vector2::new(p[0], p[1])).collect();
-                // A rounding that does not fit is refused where the outline is made.
+                // A rounding that does not fit is refused when the outline is built.
                 let rounded = shape::rounded_polygon(corners.clone(), *rounding_um);
                 let center = rounded.unwrap_or(Outline::Polyline(corners)).centroid();
                 let points_um = points_um.iter().map(|p| [p[0] - center.x, p[1] - center.y]).collect();
@@ -194,8 +193,8 @@ impl SingleFiber {
         }
     }
 
-    /// A fiber of a scene in its own frame, smooth, with the symmetry that circles, ellipses and Fourier
-    /// outlines show by their numbers.
+    /// A fiber of a scene in its own frame, smooth, with the symmetry that follows from the numbers of
+    /// circles, ellipses and Fourier outlines.
     pub fn of_body(body: &Body) -> SingleFiber {
         let bare = body.lumen.is_none();
         let (symmetry, shape) = match &body.shape {
@@ -207,7 +206,7 @@ impl SingleFiber {
             Shape::Fourier { coeffs } if bare => (fourier_symmetry(coeffs), body.shape.clone()),
             shape => (OutlineSymmetry::NONE, shape.clone()),
         };
-        // What is within the fiber moves and turns with it.
+        // Inner bodies move and turn with the fiber.
         fn carried(body: &Body, center: [f64; 2], turn: f64) -> Body {
             let (s, c) = turn.sin_cos();
             let [x, y] = [body.center_um[0] - center[0], body.center_um[1] - center[1]];
@@ -245,11 +244,11 @@ impl SingleFiber {
         body
     }
 
-    /// The same outlines for rays: the outer wall and a hollow lumen.
+    /// The outlines for rays: the outer wall and a hollow lumen.
     ///
     /// # Errors
-    /// [`WaveError::Unsupported`] for what rays cannot trace: a filled core, or more than one wall within the
-    /// fiber.
+    /// [`WaveError::Unsupported`] for a filled core or more than one wall within the fiber, which rays cannot
+    /// trace.
     pub fn section(&self) -> Result<FiberSection, WaveError> {
         let unsupported = |what: &str| WaveError::Unsupported {
             method: "rays",
@@ -274,7 +273,7 @@ impl SingleFiber {
         Ok(FiberSection { center_um: Vector2::zeros(), angle_rad: 0.0, outer, lumen, second: false })
     }
 
-    /// Radius about the origin that holds the fiber [um].
+    /// Radius about the origin that contains the fiber [um].
     ///
     /// # Errors
     /// [`WaveError::Invalid`] for a polygon whose rounding does not fit.
@@ -301,7 +300,7 @@ impl SingleFiber {
     }
 }
 
-/// Whether a text is that of a scene, whose fibers are a list.
+/// Whether a text is a scene's, with a list of fibers.
 fn is_scene(text: &str) -> bool {
     toml::from_str::<toml::Table>(text).is_ok_and(|t| t.get("fiber").is_some_and(toml::Value::is_array))
 }
@@ -352,8 +351,8 @@ fn lobed(radius_um: f64, depth: f64, lobes: u32) -> Shape {
     Shape::Fourier { coeffs }
 }
 
-/// Coefficients of a curve that is a trigonometric polynomial of degree below 32, those that rounding alone
-/// makes left out.
+/// Coefficients of a curve that is a trigonometric polynomial of degree below 32, without those due to
+/// rounding.
 fn trigonometric(curve: impl Fn(f64) -> Vector2<f64>) -> Vec<(i32, C64)> {
     const N: i32 = 64;
     let points: Vec<C64> =
@@ -458,7 +457,7 @@ mod tests {
         }
     }
 
-    /// Irregular shapes have the area their spec says.
+    /// Irregular shapes have the area of their spec.
     #[test]
     fn regular_forms_keep_the_area() {
         let stone = spec(plywave::spec::Shape::Stone { radius_um: 5.0, corners: 6, rounding_um: 0.7 });
@@ -466,7 +465,7 @@ mod tests {
         assert!((area / (25.0 * PI) - 1.0).abs() < 1e-3, "{area}");
     }
 
-    /// The outline is what its symmetry says: turned by a fold and mirrored it is itself.
+    /// The outline has its stated symmetry: turned by a fold or mirrored it equals itself.
     #[test]
     fn symmetries_hold() {
         let mut all = shapes();
@@ -507,7 +506,7 @@ mod tests {
         let twisted =
             Shape::Fourier { coeffs: vec![(1, C64::new(2.0, 0.0)), (4, C64::new(0.1, 0.1)), (-2, C64::new(0.1, 0.0))] };
         assert_eq!(of(twisted), OutlineSymmetry { folds: 3, mirror_rad: None });
-        // A lumen off the center takes the symmetry and keeps its place in the fiber.
+        // A lumen off the center removes the symmetry and keeps its position in the fiber.
         let inner = body(Shape::Circle { radius_um: 0.2 }, None);
         let inner = Body { center_um: [3.0, 1.5], eta: 1.0, kappa: 0.0, ..inner };
         let fiber = SingleFiber::of_body(&body(Shape::Circle { radius_um: 1.0 }, Some(Box::new(inner))));

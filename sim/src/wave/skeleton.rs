@@ -1,29 +1,27 @@
-//! A body as the others see it: a few directional points on its outer wall that represent all sources and all
-//! receivers on it.
+//! Skeleton of a body: a few directional points on its outer wall that represent all its sources and
+//! receivers for other bodies.
 //!
-//! Whatever a body radiates is a sum of monopoles, normal dipoles and tangential dipoles on its outer wall,
-//! and what its boundary equations need of an arriving field is that field's value, normal and tangential
-//! derivative there. Both are one matrix, since Green's function is symmetric. Its numerical rank is little
-//! more than the number of waves that fit around the wall, `2 k_rho r`, so that an interpolative
-//! decomposition (Cheng, Gimbutas, Martinsson and Rokhlin 2005) writes it through `k` of its own rows and
-//! columns.
+//! A body's radiation is a sum of monopoles, normal dipoles and tangential dipoles on its outer wall. Its
+//! boundary equations need an arriving field's value, normal and tangential derivative there. Both maps are
+//! one matrix, since Green's function is symmetric. Its numerical rank is little more than the number of
+//! waves that fit around the wall, `2 k_rho r`, so an interpolative decomposition (Cheng, Gimbutas,
+//! Martinsson and Rokhlin 2005) expresses it by `k` of its own rows and columns.
 //!
-//! The rows and columns chosen from belong to the combined functional
+//! The candidate rows and columns belong to the combined functional
 //!
 //! ```text
 //! L = s (d_n / k_rho - i)
 //! ```
 //!
-//! at points of the wall (s: root of the arc length a point stands for). As a source it is Brakhage and
-//! Werner's combined layer, as a receiver the impedance trace; either layer alone fails at some interior
-//! wavenumbers (single and double layer alone need coefficients hundreds of times larger).
-//! With one kind of point, all interactions have one kernel, `L_x L_y G`, in [`combined`].
+//! at points of the wall (s: root of a point's arc length). As a source it is Brakhage and Werner's combined
+//! layer, as a receiver the impedance trace; either layer alone fails at some interior wavenumbers (single
+//! and double layer alone need coefficients hundreds of times larger). With one kind of point, all
+//! interactions have one kernel, `L_x L_y G`, in [`combined`].
 //!
-//! What the others see is tested by a circle around the body, which stands for everything beyond it (Green),
-//! and by the points of those walls that reach into the circle: circumscribed circles may overlap. Where
-//! another wall is so close that the nodes do not resolve the kernel, finer points take their place in a
-//! smooth window, to which densities are interpolated and from which arriving fields are projected, by the
-//! transposed matrix.
+//! The tests are a circle around the body, which represents everything beyond it (Green), and the points of
+//! other walls within the circle, as circumscribed circles may overlap. If another wall is so close that the
+//! nodes do not resolve the kernel, finer points replace them in a smooth window. Densities are interpolated
+//! to these points, and arriving fields are projected from them by the transposed matrix.
 
 use super::C64;
 use super::close::WINDOW_NODES;
@@ -38,22 +36,22 @@ use rand_pcg::Pcg64Mcg;
 use std::borrow::Cow;
 use std::f64::consts::{PI, TAU};
 
-/// Rows of the sketch that a row of the test matrix is spread over.
+/// Number of the sketch's rows that a row of the test matrix is spread over.
 const SPREAD: usize = 8;
-/// Radius of the circle of tests over the body's, and what is added to it in wavelengths.
+/// Radius of the circle of tests over the body's, and an additional radius in wavelengths.
 const CIRCLE: f64 = 1.3;
 const CIRCLE_WAVES: f64 = 0.1;
 
 /// A point that radiates and receives.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Site {
-    /// Where, and along which normal.
+    /// Position and normal.
     pub point: CurvePoint,
     /// s of the functional, root of the arc length [um^(1/2)].
     pub scale: f64,
 }
 
-/// Functionals of `G(x, y)` at a pair: `L_x` of the target with value, `d_n / k_rho` and `d_t / k_rho` of the
+/// Functionals of `G(x, y)` at a pair: `L_x` at the target with value, `d_n / k_rho` and `d_t / k_rho` at the
 /// source.
 #[inline(always)]
 fn received(kernel: &MediumKernel, k_rho: f64, target: &Site, source: &CurvePoint) -> [C64; 3] {
@@ -88,7 +86,7 @@ pub(crate) struct Exterior<'a> {
 }
 
 impl Exterior<'_> {
-    /// What a site receives of a unit at another.
+    /// Value that a site receives from a unit at another.
     pub(super) fn between(&self, target: &Site, source: &Site) -> C64 {
         combined(self.kernel, self.k_rho, target, source)
     }
@@ -101,14 +99,14 @@ pub(crate) fn combined(kernel: &MediumKernel, k_rho: f64, target: &Site, source:
     (normal + C64::new(value.im, -value.re)) * source.scale
 }
 
-/// Points of a wall that take part in its dealings with other walls, and how densities on its nodes become
-/// theirs.
+/// Candidate points of a wall for interaction with other walls, and the map of densities from its nodes to
+/// them.
 pub(crate) struct Candidates {
-    /// The points, in the frame of the curve they were made from.
+    /// The points, in the frame of their curve.
     pub points: Vec<CurvePoint>,
-    /// Root of the arc length each stands for [um^(1/2)].
+    /// Root of each point's arc length [um^(1/2)].
     pub scales: Vec<f64>,
-    /// Nodes among them, with what the window leaves of each; they come first.
+    /// Nodes among them, with their weights outside the window; they come first.
     kept: Vec<(u32, f64)>,
     /// Weights of the nodes in the others, `[point][node]`.
     fine: Vec<f64>,
@@ -175,7 +173,7 @@ impl Candidates {
         made
     }
 
-    /// From coefficients of the points to those of the nodes: `x` has `rows` rows and a column a point,
+    /// From coefficients of the points to those of the nodes: `x` has `rows` rows and one column per point,
     /// column after column.
     fn fold(&self, x: &[C64], rows: usize) -> Vec<C64> {
         let mut out = vec![C64::ZERO; rows * self.nodes];
@@ -201,7 +199,7 @@ impl Candidates {
     }
 }
 
-/// Runs of parameters, apart by more than two windows, on an axis cut in the longest gap.
+/// Intervals of parameters, apart by more than two windows, on an axis cut in the longest gap.
 fn zones(close: &mut [f64], h: f64) -> Vec<(f64, f64)> {
     for t in close.iter_mut() {
         *t = t.rem_euclid(TAU);
@@ -222,12 +220,12 @@ fn zones(close: &mut [f64], h: f64) -> Vec<(f64, f64)> {
     zones
 }
 
-/// The chosen sites of a body, and all sources and receivers of its outer wall in terms of them.
+/// The chosen sites of a body, and the coefficients of all sources and receivers on its outer wall.
 pub(crate) struct Skeleton {
     /// The sites, in the scene.
     pub sites: Vec<Site>,
     /// Coefficients of a value (or monopole), a `d_n / k_rho` and a `d_t / k_rho` at each node:
-    /// `[node][site]`; the last are empty at normal incidence, which has none.
+    /// `[node][site]`; the last are empty at normal incidence.
     pub value: Coefficients,
     pub normal: Coefficients,
     pub tangential: Coefficients,
@@ -237,7 +235,7 @@ pub(crate) struct Skeleton {
 /// below.
 const SINGLE: f64 = 1e-6;
 
-/// Coefficients of a skeleton, as precise as its tolerance asks for: they are most of what is held of a body.
+/// Coefficients of a skeleton, in the precision for its tolerance: they are most of a body's memory.
 pub(crate) enum Coefficients {
     Single(Vec<Complex32>),
     Double(Vec<C64>),
@@ -270,7 +268,7 @@ impl Coefficients {
     }
 }
 
-/// Points on a circle around `points` that stand for all beyond it, and its center and radius.
+/// Points on a circle around `points` that represent everything beyond it, and its center and radius.
 pub(crate) fn circle(points: &[CurvePoint], k_rho: f64, tolerance: f64) -> (Vec<Site>, [f64; 2], f64) {
     let mut center = [0.0; 2];
     for k in 0..2 {
@@ -279,8 +277,7 @@ pub(crate) fn circle(points: &[CurvePoint], k_rho: f64, tolerance: f64) -> (Vec<
     }
     let inner = points.iter().map(|p| (p.at[0] - center[0]).hypot(p.at[1] - center[1])).fold(0.0, f64::max);
     let radius = CIRCLE * inner + CIRCLE_WAVES * TAU / k_rho;
-    // Orders up to where those of the body have faded, and as many as the circle's own field has, lest they
-    // alias.
+    // Orders up to the decay of the body's, and as many as the circle's own field has, to avoid aliasing.
     let digits = 2.0 - tolerance.log10();
     let order = |x: f64| x + 1.8 * digits.powf(2.0 / 3.0) * x.max(1.0).cbrt() + digits;
     let count = (order(k_rho * inner) + order(k_rho * radius)).ceil() as usize + 2;
@@ -296,8 +293,8 @@ pub(crate) fn circle(points: &[CurvePoint], k_rho: f64, tolerance: f64) -> (Vec<
 }
 
 impl Skeleton {
-    /// Chooses sites among `candidates` (whose points are in the scene) so that what the `tests` receive is
-    /// off by about `tolerance`. Tangential sources are left out unless the incidence is `oblique`.
+    /// Chooses sites among `candidates` (whose points are in the scene) so that fields at the `tests` have an
+    /// error of about `tolerance`. Tangential sources are omitted unless the incidence is `oblique`.
     pub(crate) fn new(
         kernel: &MediumKernel,
         k_rho: f64,
@@ -318,7 +315,7 @@ impl Skeleton {
             }
             let picked = pick(&own, rows, tolerance);
             let k = picked.pivots.len();
-            // Fewer than all rows must have been in use, or the sketch hid some of the rank.
+            // If all rows were in use, the sketch may have hidden some of the rank.
             if k + 16 > rows && rows < m {
                 rows = (m + 32).next_multiple_of(LANES);
                 continue;
@@ -340,8 +337,8 @@ impl Skeleton {
     }
 }
 
-/// What the tests receive of value, normal and tangential sources at the candidates, each row of it added
-/// with random signs to a few of `rows` sums.
+/// Fields at the tests from value, normal and tangential sources at the candidates, each row added with
+/// random signs to a few of `rows` sums.
 fn sketch(
     kernel: &MediumKernel,
     k_rho: f64,
@@ -447,7 +444,7 @@ fn pick(columns: &[C64], rows: usize, tolerance: f64) -> Picked {
         let pivot = order[step];
         let mut direction = split[pivot * length..][..length].to_vec();
         let mut size = size;
-        // Once more against those before: the running remainders lose their right angles.
+        // Orthogonalize again against the earlier ones, as the running remainders lose orthogonality.
         for earlier in q.chunks(length) {
             let along = project(earlier, &direction);
             size = subtract(&mut direction, along, earlier);
@@ -479,7 +476,7 @@ fn pick(columns: &[C64], rows: usize, tolerance: f64) -> Picked {
 }
 
 impl Picked {
-    /// `R^-1 Q^H columns`: the columns in terms of the pivots, one column of k a column.
+    /// `R^-1 Q^H columns`: coefficients of the columns by the pivots, k per column.
     fn coefficients(&self, columns: &[C64], rows: usize) -> Vec<C64> {
         let k = self.pivots.len();
         let count = columns.len() / rows;

@@ -50,11 +50,11 @@ pub struct PlaneWave {
     pub amplitude: C64,
 }
 
-/// Largest part of a beam's amplitude that may lie in evanescent waves, which are left out.
+/// Largest part of a beam's amplitude in evanescent waves, which are omitted.
 const EVANESCENT: f64 = 1e-3;
 
 impl Source {
-    /// The plane waves that make this source within `extent_um` of the origin.
+    /// The plane waves of this source within `extent_um` of the origin.
     ///
     /// A beam of waist w0 has the spectrum `w0 / (2 sqrt(pi)) exp(-w0^2 q^2 / 4 - i q h)` over the transverse
     /// wavenumber q; q is sampled so finely that the beam's periodic images stay clear of the scene.

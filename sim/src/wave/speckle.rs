@@ -2,8 +2,8 @@
 //! with the spec's jitter and turned at random, each under the same wide beam, clear and absorbing, at
 //! several wavelengths.
 //!
-//! One instance is one shard. Instance i is the same fiber whatever the number of instances. What is kept is
-//! the scattered field's power alone, without the beam: `2/(pi k_0) |F|^2`, the scattering width per azimuth.
+//! One instance is one shard. Instance i is the same fiber whatever the number of instances. Only the
+//! scattered field's power is stored, without the beam: `2/(pi k_0) |F|^2`, the scattering width per azimuth.
 
 use super::scatter::solver_of;
 use super::total_field::azimuths;
@@ -56,7 +56,7 @@ impl Default for SpeckleOptions {
 }
 
 impl SpeckleOptions {
-    /// What a shard depends on: a run can be made longer.
+    /// The options that a shard depends on; others allow a longer run.
     fn of_a_shard(&self) -> Self {
         SpeckleOptions { instances: 0, ..self.clone() }
     }
@@ -70,20 +70,20 @@ impl SpeckleOptions {
     }
 }
 
-/// A fiber that is solved.
+/// A solved fiber.
 struct Instance<'a> {
     of: &'a FiberSpec,
-    /// About the origin, turned at random; clear, with its index at sodium's line.
+    /// Body about the origin, turned at random; clear, with its index at the sodium line.
     body: Body,
-    /// Of the circle that holds it [um].
+    /// Radius of the circle that contains it [um].
     radius_um: f64,
-    /// Absorption of its material, and of its core's, over that asked for.
+    /// Absorption of its material and of its core, relative to the requested one.
     dye: [f64; 2],
 }
 
 /// The fiber of instance `i`.
 fn fiber(spec: &YarnSpec, seed: u64, i: u32) -> Result<Instance<'_>, SimError> {
-    // Another stream than that of sections.
+    // A stream separate from that of sections.
     let mut rng = Pcg64Mcg::seed_from_u64(instance_seed(seed, i) ^ 0x5bec_c1e5_0000_0000);
     let second = spec.blend.as_ref().filter(|blend| rng.random::<f64>() < blend.share);
     let of = second.map_or(&spec.fiber, |blend| &blend.fiber);
@@ -99,8 +99,8 @@ fn fiber(spec: &YarnSpec, seed: u64, i: u32) -> Result<Instance<'_>, SimError> {
     Ok(Instance { of, body, radius_um, dye: [dye, dye * core_dye] })
 }
 
-/// Azimuths of the patterns: what the fiber of the spec, a third larger, asks for at the shortest wavelength,
-/// in steps of half a degree or a whole part of it.
+/// Azimuths of the patterns: those needed at the shortest wavelength by the fiber of the spec, a third
+/// larger, in steps of half a degree or an integer fraction of it.
 fn grid(spec: &YarnSpec, options: &SpeckleOptions) -> Result<usize, SimError> {
     let radius = fiber(spec, options.seed, 0)?.radius_um;
     let wave = options.wave(options.lambda_um.iter().copied().fold(f64::INFINITY, f64::min));
@@ -112,8 +112,7 @@ fn grid(spec: &YarnSpec, options: &SpeckleOptions) -> Result<usize, SimError> {
 /// instances.
 ///
 /// # Errors
-/// What the outlines, the solvers ([`SimError::Wave`]) and the parts folder refuse;
-/// [`SimError::Interrupted`].
+/// Errors of the outlines, the solvers ([`SimError::Wave`]) and the parts folder; [`SimError::Interrupted`].
 pub fn speckle(
     spec: &YarnSpec,
     spec_text: &str,
@@ -135,7 +134,7 @@ impl SpeckleJob {
     /// The job of `spec`, whose text is `spec_text`.
     ///
     /// # Errors
-    /// Beams that are too narrow and outlines that cannot be made ([`SimError::Wave`]),
+    /// Beams that are too narrow and outlines that cannot be built ([`SimError::Wave`]),
     /// [`SimError::TooLarge`], [`SimError::Option`] for no instance.
     pub fn new(spec: &YarnSpec, spec_text: &str, options: &SpeckleOptions) -> Result<SpeckleJob, SimError> {
         if options.instances == 0 {
@@ -146,7 +145,7 @@ impl SpeckleJob {
         }
         let azimuths = grid(spec, options)?;
         let job = SpeckleJob { spec: spec.clone(), spec_text: spec_text.into(), options: options.clone(), azimuths };
-        // Of the file's patterns, 1 GiB at most.
+        // At most 1 GiB of the file's patterns.
         const MAX: f64 = 2.7e8;
         let cells = job.kinds() as f64 * f64::from(options.instances) * azimuths as f64;
         if cells > MAX {
@@ -155,7 +154,7 @@ impl SpeckleJob {
         Ok(job)
     }
 
-    /// The same job from its description and its number of instances.
+    /// The job of a description and a number of instances.
     ///
     /// # Errors
     /// [`SimError::Merge`] and those of the spec.
@@ -166,7 +165,7 @@ impl SpeckleJob {
         SpeckleJob::new(&spec, &description.spec, &SpeckleOptions { instances, ..options })
     }
 
-    /// Absorptions, wavelengths and polarizations.
+    /// Number of combinations of absorption, wavelength and polarization.
     fn kinds(&self) -> usize {
         self.options.kappa.len() * self.options.lambda_um.len() * 2
     }
@@ -192,7 +191,7 @@ impl Job for SpeckleJob {
         let (a, l) = (self.options.kappa.len(), self.options.lambda_um.len());
         vec![
             ArrayLayout::f32("patterns", &[a, l, 2, self.azimuths], [0.0, f64::from(f32::MAX)]),
-            // C_sca and C_abs; the latter of clear fibers is 0 but for rounding.
+            // C_sca and C_abs; the latter is 0 up to rounding for clear fibers.
             ArrayLayout::f64("widths", &[a, l, 2, 2], [f64::MIN, f64::MAX]),
         ]
     }
@@ -224,7 +223,7 @@ impl Job for SpeckleJob {
                 let solver = solver_of(&bodies, &wave, options.tolerance)?;
                 let scattered = solver.scatter(&sources, self.azimuths)?;
                 let stats = solver.stats();
-                // Asked this way, a NaN does not pass.
+                // Written this way, a NaN fails the check.
                 let solved = stats.residual <= options.tolerance;
                 if !solved {
                     return Err(WaveError::NotConverged { residual: stats.residual, iterations: 1 }.into());

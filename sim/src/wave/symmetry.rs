@@ -1,16 +1,16 @@
-//! Symmetry of a body's node set, and what it does to the linear system.
+//! Symmetry of a body's node set, and the reduction of the linear system by it.
 //!
 //! A rigid map that takes the walls to themselves and nodes to nodes, and fixes none, commutes with the
 //! boundary equations when it acts on densities by `(U u)(x) = s u(map^-1 x)`: s = -1 for the axial
 //! quantities (h, Q) under mirrors, else 1. For an abelian group of such maps of order g with characters chi,
-//! densities with `U_gamma u = chi(gamma) u` are known from one node an orbit,
-//! `u(gamma r) = s conj(chi(gamma)) u(r)`, and the system falls into g blocks of 1/g of its size:
+//! densities with `U_gamma u = chi(gamma) u` are known from one node per orbit,
+//! `u(gamma r) = s conj(chi(gamma)) u(r)`, and the system decomposes into g blocks of 1/g of its size:
 //! `M_chi(r, r') = sum_gamma s conj(chi(gamma)) M(r, gamma r')`.
 
 use super::C64;
 use std::f64::consts::{PI, TAU};
 
-/// Largest order of rotations that is made use of.
+/// Largest order of rotations that is used.
 const LARGEST_ORDER: usize = 48;
 /// Agreement of mapped nodes with nodes, relative to the body's size.
 const MATCH: f64 = 1e-9;
@@ -59,7 +59,7 @@ impl Map {
         self.center + self.turn * if self.mirror { d.conj() } else { d }
     }
 
-    /// Images of all nodes, where they are nodes of the same wall; walls are runs of `lengths`.
+    /// Images of all nodes, if they are nodes of the same wall; walls are consecutive nodes of `lengths`.
     fn images(&self, points: &[C64], lengths: &[usize], tolerance: f64) -> Option<Vec<u32>> {
         let mut images = Vec::with_capacity(points.len());
         let mut first = 0;
@@ -124,7 +124,7 @@ impl Group {
             .unwrap_or(1);
         let identity = || Element { image: (0..points.len() as u32).collect(), mirror: false, angle: 0.0 };
         if order <= 4 && order != 3 {
-            // A mirror takes node 0 to an odd distance against the run of the nodes.
+            // A mirror takes node 0 to an odd distance against the order of the nodes.
             let z0 = outer[0] - center;
             let mirror = (1..n).step_by(2).find_map(|c| {
                 let z = outer[c] - center;

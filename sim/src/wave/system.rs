@@ -4,8 +4,8 @@
 //! `P = (k_0 eps d_n e + k_z d_t h)/kappa^2`, `h` and `Q = (k_0 d_n h - k_z d_t e)/kappa^2`, all of the unit
 //! of e. With the single layer S, its adjoint double layer K' and double layer K of a medium's Green function
 //! G, Green's representation of both fields, `u = +-(K u - S d_n u)`, with
-//! `d_n e = (kappa^2 P - k_z d_t h)/(k_0 eps)` put in and tangential derivatives moved onto G by parts, reads
-//! (upper sign: the medium lies outside of the wall)
+//! `d_n e = (kappa^2 P - k_z d_t h)/(k_0 eps)` inserted and tangential derivatives moved onto G by parts,
+//! reads (upper sign: the medium lies outside of the wall)
 //!
 //! ```text
 //! eps e = +-[eps K e - (kappa^2/k_0) S P - (k_z/k_0) A h]                              A(x, y)  = d_t(y) G
@@ -16,10 +16,11 @@
 //!
 //! In P the hypersingular operators of e and h have the factors `k_0 eps/kappa^2` and `-k_z^2/(k_0 kappa^2)`,
 //! whose sum is 1/k_0 in every medium, and `d_t K + K' d_t = kappa^2 t.S n'` removes the other terms in
-//! 1/kappa^2. So with these weights the sum of the equations from both sides of a wall holds only differences
-//! of W, A, A' and S between the media, all weakly singular or smooth: a Fredholm system of the second kind
-//! at every incidence, with `(eps_o + eps_i)/2, 1, 1, (eps_o + eps_i)/2` on its diagonal (Müller's choice,
-//! here for 2.5 dimensions). At normal incidence (e, P) and (h, Q) are two separate systems.
+//! 1/kappa^2. So with these weights the sum of the equations from both sides of a wall contains only
+//! differences of W, A, A' and S between the media, all weakly singular or smooth: a Fredholm system of the
+//! second kind at every incidence, with `(eps_o + eps_i)/2, 1, 1, (eps_o + eps_i)/2` on its diagonal
+//! (Müller's choice, here for 2.5 dimensions). At normal incidence (e, P) and (h, Q) are two separate
+//! systems.
 
 use super::assemble::Assembly;
 use super::curve::{CurvePoint, Resolution};
@@ -34,15 +35,15 @@ use faer::linalg::matmul::matmul;
 use faer::{Accum, MatMut, MatRef};
 use rayon::prelude::*;
 
-/// Least tolerance that is promised.
+/// Least guaranteed tolerance.
 const MIN_TOLERANCE: f64 = 1e-12;
-/// Rows of a system whose residual is computed.
+/// Number of a system's rows whose residual is computed.
 const WITNESSES: usize = 64;
 
 /// One diagonal block, factorized.
 struct Block {
     lu: Lu<C64>,
-    /// Rows kept from before the factorization, `[column][witness]`, and which.
+    /// Indices of rows whose values before the factorization are stored, `[column][witness]`.
     witnesses: Vec<usize>,
     rows: Vec<C64>,
 }
@@ -70,7 +71,7 @@ impl BoundarySystem {
         Self::build(bodies, wave, tolerance, &Resolution::new(bodies, tolerance), true)
     }
 
-    /// The same at a chosen resolution, with symmetry left unused where `symmetric` is false.
+    /// The same at a chosen resolution; `symmetric` = false ignores symmetry.
     pub(crate) fn build(
         bodies: &[Body],
         wave: &Wave,
@@ -96,7 +97,7 @@ impl BoundarySystem {
             });
         }
         let (media, mut walls) = trace_walls(bodies, wave, resolution)?;
-        // Outermost walls first: what radiates stands in front.
+        // Outermost walls, which radiate, come first.
         walls.sort_by_key(|w| w.outside != 0);
         let mut nodes = Vec::new();
         for wall in &mut walls {
@@ -155,7 +156,7 @@ impl BoundarySystem {
         self.outer
     }
 
-    /// Arc length that each node of outermost walls stands for [um].
+    /// Arc length of each node of outermost walls [um].
     pub(crate) fn outer_weights(&self) -> Vec<f64> {
         let weights = |w: &Wall| -> Vec<f64> { w.curve.nodes.iter().map(|p| p.speed * w.curve.step()).collect() };
         self.assembly.walls.iter().filter(|w| w.outside == 0).flat_map(weights).collect()
@@ -187,7 +188,7 @@ impl BoundarySystem {
         &self.assembly.media
     }
 
-    /// Solves for the densities of one part. `rhs` has `components.len()` values a node, side by side, for
+    /// Solves for the densities of one part. `rhs` has `components.len()` values per node, side by side, for
     /// all nodes, column after column; on entry the fields that arrive from outside on outermost walls (zero
     /// on others), on exit the total fields on all walls. Returns the relative residual.
     pub(crate) fn solve(&self, part: usize, rhs: &mut [C64], columns: usize) -> f64 {

@@ -1,17 +1,17 @@
-//! Xia's tables of one fiber (Xia 2020, 5): N_wave and C_x over wavelength, latitude and azimuth, by waves or
+//! Tables of one fiber as in Xia 2020, 5: N_wave and C_x over wavelength, latitude and azimuth, by waves or
 //! by rays.
 //!
-//! A table's cell stands for a band of wavelengths and of latitudes, within which the far field of a large
-//! fiber beats many times. So each cell averages as many solves as keep the phase of the light's longest way,
-//! there and back across the fiber, within a set number of turns from solve to solve (Xia samples until
-//! renderings no longer change). What is averaged are powers: differential widths and C_x; N is their
-//! quotient. Azimuths follow the band limit: a far field of harmonics |m| <= M has an intensity of harmonics
-//! up to 2 M, whose sums over more than 4 M azimuths are exact; more azimuths than the table keeps are
-//! averaged down.
+//! A table's cell covers a band of wavelengths and of latitudes, within which the far field of a large fiber
+//! beats many times. So each cell averages enough solves that the phase of the light's longest path, there
+//! and back across the fiber, changes by less than a set number of turns from solve to solve (Xia samples
+//! until renderings no longer change). The averaged quantities are powers: differential widths and C_x; N is
+//! their quotient. Azimuths follow the band limit: a far field of harmonics |m| <= M has an intensity of
+//! harmonics up to 2 M, whose sums over more than 4 M azimuths are exact; more azimuths than the table stores
+//! are averaged.
 //!
-//! TM and TE light are averaged with equal weights: their powers are, so that N is unpolarized light's.
+//! The powers of TM and TE light are averaged with equal weights, so that N is that of unpolarized light.
 //!
-//! Work is cut into shards, a few latitudes of one wavelength each, that depend on their place alone; the
+//! Work is cut into shards, a few latitudes of one wavelength each, that depend on their index alone; the
 //! table does not depend on threads or interruptions.
 
 use super::rays::RaySlice;
@@ -27,7 +27,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 /// Sizes of a fiber table.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct TabulateOptions {
-    /// Name of the preset they started from, for the record.
+    /// Name of the preset that the options started from, for the record.
     pub preset: String,
     /// Ends of the spectrum [um].
     pub lambda_um: [f64; 2],
@@ -35,13 +35,13 @@ pub struct TabulateOptions {
     pub lambdas: usize,
     /// Latitudes.
     pub thetas: usize,
-    /// Most azimuths phi_i round the fiber.
+    /// Largest number of azimuths phi_i around the fiber.
     pub azimuths: usize,
-    /// Most relative azimuths.
+    /// Largest number of relative azimuths.
     pub relative: usize,
-    /// Turns of phase that two solves of a cell may lie apart.
+    /// Largest difference of phase between two solves of a cell [turns].
     pub turns: f64,
-    /// Most solves of a cell along either axis.
+    /// Largest number of solves of a cell along either axis.
     pub most_samples: usize,
     /// Error of the solver's far field.
     pub tolerance: f64,
@@ -54,7 +54,7 @@ pub struct TabulateOptions {
 }
 
 impl TabulateOptions {
-    /// To look at a fiber.
+    /// Preset for a first look at a fiber.
     pub fn preview() -> Self {
         TabulateOptions {
             preset: "preview".into(),
@@ -73,7 +73,7 @@ impl TabulateOptions {
         }
     }
 
-    /// The sizes of Xia 2020, 5.2.1.
+    /// Preset with the sizes of Xia 2020, 5.2.1.
     pub fn standard() -> Self {
         TabulateOptions {
             preset: "standard".into(),
@@ -88,7 +88,7 @@ impl TabulateOptions {
         }
     }
 
-    /// The same sizes, each cell averaged over more solves.
+    /// Preset with the same sizes, each cell averaged over more solves.
     pub fn reference() -> Self {
         TabulateOptions {
             preset: "reference".into(),
@@ -100,7 +100,7 @@ impl TabulateOptions {
         }
     }
 
-    /// By name: "preview", "standard" or "reference".
+    /// The preset of this name: "preview", "standard" or "reference".
     pub fn preset(name: &str) -> Option<Self> {
         match name {
             "preview" => Some(Self::preview()),
@@ -111,7 +111,7 @@ impl TabulateOptions {
     }
 }
 
-/// Largest table, in values of the azimuthal function: those of a fiber without symmetry at Xia's sizes.
+/// Largest table, in values of the azimuthal function: that of a fiber without symmetry at Xia's sizes.
 const MAX_VALUES: f64 = 7e8;
 /// Latitudes of a shard.
 const SHARD: usize = 5;
@@ -125,9 +125,9 @@ pub(super) struct Plan {
     width_um: Vec<f64>,
     /// D.
     pub(super) relative: usize,
-    /// Azimuths solved for each that is kept, along phi_i and phi_r alike; odd.
+    /// Solved azimuths per stored one, along phi_i and phi_r alike; odd.
     pub(super) fine: usize,
-    /// Solves of a cell along lambda and theta_i.
+    /// Number of solves of a cell along lambda and theta_i.
     pub(super) samples: [usize; 2],
 }
 
@@ -140,7 +140,7 @@ impl Plan {
             let hint = "give two wavelengths above 0, the shorter first".to_string();
             return Err(WaveError::Invalid { key: "lambda_um".into(), value, hint }.into());
         }
-        // Rays know wavelength by absorption alone.
+        // Rays depend on wavelength by absorption alone.
         let colored = matches!(fiber.absorption, Absorption::Kappa(k) if k > 0.0);
         let lambdas = match source {
             FiberSource::Wave => options.lambdas.max(1),
@@ -151,8 +151,7 @@ impl Plan {
         let thetas = options.thetas.max(1);
         let band = (last - first) / lambdas as f64;
         let harmonics = highest_harmonic(TAU / first * radius);
-        // Linear interpolation wants several nodes for each period; a fiber of few harmonics needs no more
-        // than that.
+        // Linear interpolation needs several nodes per period; a fiber of few harmonics needs no more.
         let wanted = if source == FiberSource::Wave { 16 * harmonics } else { usize::MAX };
         let folds = fiber.symmetry.folds.max(1) as usize;
         let stride = options.relative.min(wanted).div_ceil(options.azimuths.max(1)).max(1);
@@ -170,8 +169,8 @@ impl Plan {
         if values > MAX_VALUES {
             return Err(SimError::TooLarge { cells: values, allowed: MAX_VALUES });
         }
-        // Ways of light 4 eta R long (across and back) turn by 4 eta R band / lambda^2, those of 4 R by 4 R
-        // dtheta / lambda.
+        // The phase of light paths 4 eta R long (across and back) turns by 4 eta R band / lambda^2, those of
+        // 4 R by 4 R dtheta / lambda.
         let samples = match source {
             FiberSource::Ray => [1, 1],
             FiberSource::Wave => {
@@ -194,7 +193,7 @@ impl Plan {
         Ok(Plan { lambda_um, theta_i, phi_i, width_um, relative, fine, samples })
     }
 
-    /// Solves (or traced slices' latitudes) in all.
+    /// Total number of solves (or traced slices' latitudes).
     fn solves(&self) -> usize {
         self.lambda_um.len() * self.theta_i.len() * self.samples[0] * self.samples[1]
     }
@@ -215,7 +214,7 @@ impl Plan {
 }
 
 /// Highest harmonic of a far field from within `x` = k R of the center: beyond x they fall as an Airy
-/// function of width x^(1/3); its fifth power of ten of the amplitude lies some 4 widths out.
+/// function of width x^(1/3); an amplitude of 1e-5 lies some 4 widths out.
 fn highest_harmonic(x: f64) -> usize {
     (x + 4.0 * x.cbrt() + 2.0).ceil() as usize
 }
@@ -228,7 +227,7 @@ fn lcm(a: usize, b: usize) -> usize {
     a / x * b
 }
 
-/// Solves that a run will report through `progress`, in all.
+/// Total number of solves that a run reports through `progress`.
 ///
 /// # Errors
 /// As [`tabulate_with`], before any work.
@@ -236,13 +235,13 @@ pub fn tabulate_slices(fiber: &SingleFiber, options: &TabulateOptions, source: F
     Ok(Plan::new(fiber, options, source)?.solves() as u64)
 }
 
-/// A prepared body.
+/// Solver of a prepared body.
 pub type Solver = Box<dyn WaveSolver>;
-/// What prepares a fiber for a wave, to a tolerance.
+/// Constructor of a fiber's solver for a wave, to a tolerance.
 pub type MakeSolver<'a> = dyn Fn(&SingleFiber, &Wave, f64) -> Result<Solver, WaveError> + Sync + 'a;
 
-/// The table of `fiber` by wave optics, each solve made by `solver`; `spec_text` is kept in the table.
-/// Progress counts solves.
+/// Computes the table of `fiber` by wave optics with the solvers of `solver`; `spec_text` is kept in the
+/// table. Progress counts solves.
 ///
 /// # Errors
 /// [`SimError::TooLarge`], [`SimError::Wave`] from the solver, [`SimError::Interrupted`], errors of the parts
@@ -257,11 +256,11 @@ pub fn tabulate_with(
     runs::run(&TabulateJob::with_solver(fiber, spec_text, options, solver)?, run)
 }
 
-/// [`tabulate_with`] the cheapest solver that serves the fiber: series for circles, boundary integrals for
+/// As [`tabulate_with`], with the cheapest solver for the fiber: series for circles, boundary integrals for
 /// all others.
 ///
 /// # Errors
-/// As [`tabulate_with`], and what is wrong with the fiber's walls.
+/// As [`tabulate_with`], and errors of the fiber's walls.
 pub fn tabulate(
     fiber: &SingleFiber,
     spec_text: &str,
@@ -271,7 +270,8 @@ pub fn tabulate(
     runs::run(&TabulateJob::new(fiber, spec_text, options, FiberSource::Wave)?, run)
 }
 
-/// The same table by ray optics: the same axes, the same cells, geometric widths. Progress counts latitudes.
+/// Computes the table by ray optics: the same axes, the same cells, geometric widths. Progress counts
+/// latitudes.
 ///
 /// # Errors
 /// As [`tabulate_with`].
@@ -284,18 +284,18 @@ pub fn tabulate_rays(
     runs::run(&TabulateJob::new(fiber, spec_text, options, FiberSource::Ray)?, run)
 }
 
-/// What the shards of a fiber table depend on, beside the text.
+/// Input of a fiber table's shards, beside the text.
 #[derive(Serialize, Deserialize)]
 struct Identity {
     rays: bool,
-    /// Absorption of a yarn spec's fiber [1/um]; scenes bring their own.
+    /// Absorption of a yarn spec's fiber [1/um]; scenes have their own.
     sigma_per_um: f64,
-    /// The fiber in full, as a fiber may be made in code.
+    /// The whole fiber, as a fiber may be built in code.
     fiber: String,
     options: TabulateOptions,
 }
 
-/// How the cells of a table are computed.
+/// Method of computing the cells of a table.
 enum Method<'a> {
     Wave(&'a MakeSolver<'a>),
     Ray(Box<RaySlice>),
@@ -310,7 +310,7 @@ pub struct TabulateJob<'a> {
     method: Method<'a>,
 }
 
-/// The cheapest solver that serves the fiber.
+/// The cheapest solver for the fiber.
 fn cheapest(fiber: &SingleFiber, wave: &Wave, tolerance: f64) -> Result<Solver, WaveError> {
     solver_of(&[fiber.at(wave.lambda_um)], wave, tolerance)
 }
@@ -319,7 +319,7 @@ impl TabulateJob<'static> {
     /// The job of `fiber`, whose spec or scene has the text `spec_text`, by waves or by rays.
     ///
     /// # Errors
-    /// What is wrong with the fiber's walls, [`SimError::TooLarge`].
+    /// Errors of the fiber's walls, [`SimError::TooLarge`].
     pub fn new(
         fiber: &SingleFiber,
         spec_text: &str,
@@ -339,7 +339,7 @@ impl TabulateJob<'static> {
         })
     }
 
-    /// The same job from its description.
+    /// The job of a description.
     ///
     /// # Errors
     /// [`SimError::Merge`] and those of the spec or scene.
@@ -388,7 +388,7 @@ impl<'a> TabulateJob<'a> {
         let sigma = fiber.absorption.sigma_per_um(plan.lambda_um[l]);
         for (p, phi_i) in plan.phi_i.iter().enumerate() {
             let bins = &mut out.azimuthal[p * plan.relative..(p + 1) * plan.relative];
-            // The same rays at every wavelength: only what is absorbed differs.
+            // The same rays at every wavelength: only absorption differs.
             let place = [m as u64, p as u64];
             let absorbed = slice.trace([plan.theta_i[m], *phi_i], sigma, options.rays, options.seed, place, bins);
             out.c_x_um[p] = plan.width_um[p];
@@ -439,7 +439,7 @@ impl Job for TabulateJob<'_> {
 
     fn layout(&self, shard: usize) -> Vec<ArrayLayout> {
         let (thetas, p) = (self.place(shard).2, self.plan.phi_i.len());
-        // Waves may leave a far field below 0 by rounding nowhere, an absorption by the solver's tolerance.
+        // With waves an absorption may be below 0 by the solver's tolerance; a far field is never below 0.
         vec![
             ArrayLayout::f32("azimuthal", &[thetas, p, self.plan.relative], [0.0, f64::from(f32::MAX)]),
             ArrayLayout::f64("c_x_um", &[thetas, p], [f64::MIN_POSITIVE, f64::MAX]),
@@ -515,14 +515,15 @@ impl Job for TabulateJob<'_> {
     }
 }
 
-/// Place of one cell's results: `[P][D]`, `[P]`, `[P]`.
+/// Output slices of one cell's results: `[P][D]`, `[P]`, `[P]`.
 struct Cell<'a> {
     azimuthal: &'a mut [f32],
     c_x_um: &'a mut [f64],
     c_abs_um: &'a mut [f64],
 }
 
-/// Averages of the cell's solves; calls `done` after each, which says whether to go on. False when stopped.
+/// Averages of the cell's solves; calls `done` after each, which returns whether to continue. False when
+/// stopped.
 fn wave_cell(
     plan: &Plan,
     waves: &[Wave],
@@ -533,7 +534,7 @@ fn wave_cell(
     let (p, d, q) = (plan.phi_i.len(), plan.relative, plan.fine);
     let n = d * q;
     let half = (q / 2) as i64;
-    // Azimuths stand on the grid of n: a node every `stride q` steps, its samples `stride` steps apart around
+    // Azimuths are on the grid of n: a node every `stride q` steps, its samples `stride` steps apart around
     // it.
     let step = TAU / n as f64;
     let round = plan.phi_i.len() == 1;
@@ -543,7 +544,7 @@ fn wave_cell(
     let (mut c_x, mut c_abs) = (vec![0.0; p], vec![0.0; p]);
     for wave in waves {
         let solver = solver(wave)?;
-        // Sources in runs that keep the amplitudes of one run below some 64 MiB.
+        // Sources in batches whose amplitudes stay below some 64 MiB.
         let run = ((1 << 21) / n.max(1) / 2).max(1);
         let azimuths: Vec<(usize, f64)> =
             (0..p).flat_map(|k| offsets.iter().map(move |o| (k, plan.phi_i[k] + o))).collect();

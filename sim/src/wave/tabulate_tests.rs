@@ -1,4 +1,4 @@
-//! The tables of tabulate against closed forms, and that threads and interruptions change nothing.
+//! Tests of fiber tables against closed forms; threads and interruptions change nothing.
 
 use super::tabulate::*;
 use super::{Absorption, Polarization, SingleFiber, Source, Wave, WaveError, WaveSolver};
@@ -13,9 +13,9 @@ use std::f64::consts::{PI, TAU};
 use std::sync::atomic::AtomicU64;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// A made-up scatterer of the ellipse's symmetry whose powers are known in closed form: first order in a soft
-/// ellipse of Gaussian profile, `F = (k_0 a b) exp(-((a u)^2 + (b v)^2) / 4)` with (u, v) the change of the
-/// transverse wavevector, and what is scattered is extinguished, but for a tenth that is absorbed.
+/// A synthetic scatterer of the ellipse's symmetry with powers in closed form: first order in a soft ellipse
+/// of Gaussian profile, `F = (k_0 a b) exp(-((a u)^2 + (b v)^2) / 4)`, where (u, v) is the change of the
+/// transverse wavevector. Extinction is scattering plus a tenth of it, which is absorbed.
 struct Soft {
     wave: Wave,
     axes: [f64; 2],
@@ -46,7 +46,7 @@ impl WaveSolver for Soft {
             .iter()
             .map(|source| {
                 let f = |j: usize| self.amplitude(source.phi_i, TAU * j as f64 / n_phi_out as f64);
-                // The polarizations scatter unlike amounts with the same mean.
+                // The polarizations scatter different amounts with the same mean.
                 let (tm, te) = (1.2f64.sqrt(), 0.8f64.sqrt());
                 let part = if source.pol == Polarization::Tm { tm } else { te };
                 let c_sca_um = part * part * self.c_sca(source.phi_i);
@@ -111,8 +111,8 @@ fn nodes_hold_the_solver_s_powers() {
     assert!(table.ledger_error() < 1e-6, "{}", table.ledger_error());
 }
 
-/// Cells that average several solves and azimuths hold the power of all of them, and the loaded fiber gives
-/// it back at azimuths that are not stored.
+/// Cells that average several solves and azimuths have the power of all of them, and the loaded fiber
+/// restores it at azimuths that are not stored.
 #[test]
 #[ignore = "slow: 5 s: averages keep the power and symmetry the rest"]
 fn averages_keep_the_power_and_symmetry_the_rest() {
@@ -152,7 +152,7 @@ fn averages_keep_the_power_and_symmetry_the_rest() {
     }
 }
 
-/// The loaded fiber at any azimuth against the closed form, through M_0 of the same width.
+/// The loaded fiber agrees with the closed form at any azimuth, through M_0 of the same width.
 #[test]
 fn loaded_fiber_gives_any_azimuth_back() {
     let fiber = ellipse(0.5, 0.2);
@@ -216,12 +216,12 @@ fn threads_and_interruptions_change_nothing() {
     assert_eq!(tabulate_with(&fiber, "spec", &small(), run, &counted).unwrap(), want);
     assert!(solved.into_inner() < 21, "nothing was taken up");
     assert_eq!(total.into_inner(), tabulate_slices(&fiber, &small(), FiberSource::Wave).unwrap());
-    // Another fiber does not take these parts up.
+    // Another fiber does not use these parts.
     let run = Run { parts: Some(&folder), ..Run::plain() };
     assert!(tabulate_with(&ellipse(0.5, 0.3), "spec", &small(), run, &soft).is_err());
 }
 
-/// A smooth circle's rays: nothing is lost, the width is the diameter, and what is absorbed has a closed
+/// A smooth circle's rays: no energy is lost, the width is the diameter, and the absorption has a closed
 /// form: all chords of a path are equally long, so that with Fresnel's R, T = 1 - R and the transmittance x
 /// of a chord `R + T^2 x / (1 - R x)` leaves.
 #[test]
@@ -252,7 +252,7 @@ fn rays_keep_their_energy() {
             let x = (-length).exp();
             let out = r + (1.0 - r).powi(2) * x / (1.0 - r * x);
             want += (1.0 - out) / f64::from(n);
-            // Where the path goes is chance, with a result between 0 and 1.
+            // The path is random, with a result between 0 and 1.
             variance += out * (1.0 - out) / f64::from(n);
         }
         let got = table.c_abs_um[m] / table.c_x_um[m];

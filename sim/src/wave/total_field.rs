@@ -1,20 +1,20 @@
-//! The far field of a beam together with the light that the fibers scatter, as energy over the azimuth: for
-//! rays, f_miss + f_refl + f_high (Yu 2025, 4.5).
+//! Far field of a beam together with the light that the fibers scatter, as energy over the azimuth. For rays
+//! this is f_miss + f_refl + f_high (Yu 2025, 4.5).
 //!
 //! A beam is an integral of plane waves over the azimuth alpha that they come from,
 //! `E = integral A(alpha) e_pol(alpha) exp(-i k_rho rho cos(phi - alpha)) d alpha`, with
-//! `A(alpha) = k_rho cos(alpha - phi_i) a(q)`, `q = k_rho sin(alpha - phi_i)` and a the beam's spectrum. At
-//! large rho the phase is stationary at `alpha = phi + pi`, where the wave has passed, and (with waves still
-//! to come) at `alpha = phi`. The first gives
+//! `A(alpha) = k_rho cos(alpha - phi_i) a(q)`, `q = k_rho sin(alpha - phi_i)` and a(q) the beam's spectrum.
+//! At large rho the phase is stationary at `alpha = phi + pi`, for outgoing waves, and at `alpha = phi`, for
+//! incoming ones. The first gives
 //!
 //! ```text
 //! E -> sqrt(2 pi / (k_rho rho)) exp(i (k_rho rho - pi/4)) A(phi + pi) e_pol(phi + pi),
 //! ```
 //!
-//! which in the form of [`Scattered`] is `F_inc = pi A(phi + pi)`, along u for TM and, since
-//! `e_TE(phi + pi) = -phi`, along -phi for TE. The outgoing light is `|F_s + F_inc|^2`. Its cross term, over
-//! all azimuths, is minus the extinction (the optical theorem), so that the whole adds up to the beam's power
-//! less what is absorbed. Nothing is scaled to make it so.
+//! in the form of [`Scattered`]: `F_inc = pi A(phi + pi)`, along u for TM and, since `e_TE(phi + pi) = -phi`,
+//! along -phi for TE. The outgoing light is `|F_s + F_inc|^2`. Its cross term, over all azimuths, is minus
+//! the extinction (the optical theorem), so that the total is the beam's power minus the absorbed power.
+//! Nothing is scaled to make it so.
 
 use super::{C64, Polarization, Scattered, Source, Wave, WaveError};
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
@@ -34,7 +34,7 @@ pub struct TotalField {
 /// Far-field amplitude of the incident beam itself at azimuths 2 pi j / n_phi_out: F_u for TM, F_phi for TE.
 ///
 /// # Errors
-/// [`WaveError::Unsupported`] for a plane wave, whose far field is no function.
+/// [`WaveError::Unsupported`] for a plane wave, whose far field is not a function.
 pub fn incident_far_field(source: &Source, wave: &Wave, n_phi_out: usize) -> Result<Vec<C64>, WaveError> {
     let beam = source.beam.ok_or_else(plane)?;
     let k_rho = wave.k_rho();
@@ -77,7 +77,7 @@ pub fn beam_power(source: &Source, wave: &Wave) -> Result<f64, WaveError> {
     Ok(TAU / wave.k0() * sum * dq)
 }
 
-/// Densities over the azimuth of the light that leaves, from what `source` scatters.
+/// Densities over the azimuth of the outgoing light, from the scattered light of `source`.
 ///
 /// # Errors
 /// [`WaveError::Unsupported`] for a plane wave.
@@ -98,8 +98,8 @@ pub fn total_field(source: &Source, wave: &Wave, scattered: &Scattered) -> Resul
 /// Azimuths that resolve `|F_s + F_inc|^2` of fibers within `extent_um` of the origin and of this source: a
 /// multiple of `multiple`.
 ///
-/// A far field holds harmonics up to `k_rho extent` and some more, its intensity twice as many; the sum over
-/// the azimuths is exact with more of them than that, and a speckle is seen by 4.
+/// A far field has harmonics up to `k_rho extent` and some more, its intensity twice as many. With more
+/// azimuths than that the sum over them is exact, and 4 resolve a speckle.
 pub fn azimuths(wave: &Wave, source: &Source, extent_um: f64, multiple: usize) -> usize {
     let reach = wave.k_rho() * (extent_um.max(source.beam.map_or(0.0, |b| b.h_um.abs() + 3.0 * b.w0_um)));
     let harmonics = reach + 6.0 * reach.cbrt() + 10.0;
@@ -116,7 +116,7 @@ fn plane() -> WaveError {
 
 #[cfg(test)]
 mod tests {
-    //! Truth: the beam's own field far away, summed from its plane waves; the energy of beam and scattered
+    //! References: the beam's own far field, summed from its plane waves; the energy of beam and scattered
     //! light together.
     use super::*;
     use crate::wave::{BeamSource, Body, MieSolver, Shape, WaveSolver};
@@ -132,8 +132,8 @@ mod tests {
         Scattered { f_u: zeros.clone(), f_phi: zeros, c_sca_um: 0.0, c_abs_um: 0.0, c_ext_um: 0.0 }
     }
 
-    /// Axial field of the beam's plane waves at a far point against the asymptotic form: phase, sign and
-    /// size, with an error that halves with the distance.
+    /// The axial field of the beam's plane waves at a far point agrees with the asymptotic form: phase, sign
+    /// and size, with an error that halves with the distance.
     #[test]
     fn far_field_is_the_limit_of_the_beam() {
         let wave = Wave { lambda_um: 0.6, theta_i: 0.4 };
@@ -202,9 +202,9 @@ mod tests {
         Body { shape: Shape::Circle { radius_um }, center_um: [x, y], rotation_rad: 0.0, eta: 1.55, kappa, lumen: None }
     }
 
-    /// A clear fiber in a beam of its own width, off the axis and oblique: all light leaves. One that absorbs
-    /// keeps C_abs. And what is behind a thick dark fiber in a thin beam is dark: the beam's own far field is
-    /// cancelled, not added to.
+    /// A clear fiber in a beam of its own width, off the axis and oblique: all light leaves. An absorbing
+    /// fiber removes C_abs. Behind a thick dark fiber in a thin beam it is dark: the beam's own far field is
+    /// canceled, not added to.
     #[test]
     fn total_energy_is_the_beams() {
         for (theta_i, h, kappa) in

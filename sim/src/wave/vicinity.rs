@@ -1,24 +1,25 @@
-//! Walls beside a lossy medium: what surrounds a target is integrated by a rule of its own.
+//! Quadrature around a target on walls beside a lossy medium.
 //!
 //! In a medium of wavenumber k with loss, the factor of the logarithm, `J0(k R)`, grows as `exp(Im k R)`
 //! while the kernel decays: splitting it off along a wall ([`kernel`](super::kernel)) cancels digits, all of
-//! them where the wall is some tens of skin depths long. Here nothing is split. A window chi, 1 at the target
-//! and 0 some nodes away, cuts the integral over the parameter in two:
+//! them if the wall is some tens of skin depths long. Here nothing is split off. A window chi, 1 at the
+//! target and 0 some nodes away, cuts the integral over the parameter in two:
 //!
 //! ```text
 //! integral K f = sum_j h (1 - chi) K f (t_j) + integral chi K f
 //! ```
 //!
-//! The first integrand is smooth, for the nodes resolve the kernel out there or the loss has ended it. The
-//! second takes a Gauss-Legendre rule whose panels are as short as the distance from the target and the skin
-//! depth ask for, and the trigonometric interpolant of f. The offsets of its points from the target are the
-//! same at every node. So the interpolation is one real matrix, and the rows of all targets are one product
-//! with it.
+//! The first integrand is smooth, as the nodes resolve the kernel at that distance or the loss has damped it.
+//! The second uses a Gauss-Legendre rule, with panels short enough for the distance from the target and the
+//! skin depth, and the trigonometric interpolant of f. The offsets of its points from the target are the same
+//! at every node. So the interpolation is one real matrix, and the rows of all targets are one product with
+//! it.
 //!
 //! Joints of graded outlines lie half-way between nodes; there panels end.
 //!
-//! The `1/R^2` of `ed` makes the kernel `r.n'/R^2` of the static double layer, which is smooth along a wall.
-//! It stays with the nodes, as `r.n'` of points close to each other is a small difference of large numbers.
+//! The `1/R^2` of `ed` gives the kernel `r.n'/R^2` of the static double layer, which is smooth along a wall.
+//! It is integrated at the nodes, as `r.n'` of points close to each other is a small difference of large
+//! numbers.
 
 use super::C64;
 use super::curve::{Curve, CurvePoint};
@@ -30,12 +31,12 @@ use faer::{Accum, MatMut, MatRef};
 use rayon::prelude::*;
 use std::f64::consts::PI;
 
-/// Power of the substitution `u = a x^p` on the panel that begins at the target: the rule of N points is off
-/// by `N^(-2 p)` for a logarithm.
+/// Power of the substitution `u = a x^p` on the panel that begins at the target: the error of the rule of N
+/// points is `N^(-2 p)` for a logarithm.
 const POWER: i32 = 5;
-/// Phase (or decay) by which a kernel may change along a panel.
+/// Largest change of a kernel's phase (or decay) along a panel.
 const PHASE: f64 = 6.0;
-/// Decay after which a kernel is no more: exp(-40).
+/// Decay beyond which a kernel counts as zero: exp(-40).
 const DEAD: f64 = 40.0;
 
 /// The rule around the nodes of one wall.
@@ -46,18 +47,18 @@ pub(super) struct Vicinity {
     offsets: Vec<f64>,
     /// Weights, with chi.
     weights: Vec<f64>,
-    /// What a node's density is of that at a point: `[point][node after the target]`.
+    /// Weight of a node's density in that at a point: `[point][node after the target]`.
     interpolation: Vec<f64>,
 }
 
-/// Exponent of the window: what it leaves at both of its ends is exp(-beta).
+/// Exponent beta of the window, whose jump at both ends is exp(-beta).
 pub(super) fn steepness(tolerance: f64) -> f64 {
     (100.0 / tolerance).ln()
 }
 
-/// Nodes from the target to where the window ends. The Fourier transform of chi falls to exp(-beta) at
-/// `2 beta / width`, which has to be within the gap that the kernel's and the density's waves leave to the
-/// nodes' 2 pi: 0.4 of it at 3.4 nodes a wavelength.
+/// Number of nodes from the target to the end of the window. The Fourier transform of chi falls to exp(-beta)
+/// at `2 beta / width`. This must be within the gap between the kernel's and the density's waves and the
+/// nodes' 2 pi: 0.4 of it at 3.4 nodes per wavelength.
 pub(super) fn width_nodes(tolerance: f64) -> f64 {
     (2.0 * steepness(tolerance) / (0.4 * 2.0 * PI)).ceil()
 }
@@ -83,8 +84,8 @@ fn gauss_legendre(n: usize) -> Vec<(f64, f64)> {
 }
 
 /// `chi` at a distance, in units of its end: the integral of `exp(beta sqrt(1 - x^2))` from there to the end,
-/// over the whole. No other bump has a Fourier transform that falls much faster (Barnett, Magland and af
-/// Klinteberg 2019).
+/// over the whole integral. No other bump has a Fourier transform that falls much faster (Barnett, Magland
+/// and af Klinteberg 2019).
 fn window(beta: f64, rule: &[(f64, f64)], distance: f64) -> f64 {
     if distance >= 1.0 {
         return 0.0;
@@ -100,20 +101,20 @@ fn window(beta: f64, rule: &[(f64, f64)], distance: f64) -> f64 {
 }
 
 impl Vicinity {
-    /// For a wall between media of transverse wavenumbers `kappas` [1/um].
+    /// The rule for a wall between media of transverse wavenumbers `kappas` [1/um].
     pub fn new(curve: &Curve, kappas: [C64; 2], tolerance: f64) -> Self {
         let n = curve.nodes.len();
         let h = curve.step();
         let beta = steepness(tolerance);
         let fine = gauss_legendre(64);
         let width = width_nodes(tolerance);
-        // Where the window would meet itself, it is the whole wall.
+        // If the window would overlap itself, it covers the whole wall.
         let whole = 2.0 * width >= n as f64;
         let end = if whole { PI } else { width * h };
         let chi = |u: f64| if whole { 1.0 } else { window(beta, &fine, u / end) };
         let fastest = curve.nodes.iter().map(|p| p.speed).fold(0.0, f64::max);
-        // Longest panel that starts at u: of all speeds up to the fastest, those at which the kernel is no
-        // more there do not count.
+        // Longest panel that starts at u: the fastest speed counts, except those at which the kernel counts
+        // as zero there.
         let longest = |u: f64| {
             let each = kappas.map(|k| PHASE / (k.norm() * fastest.min(DEAD / (k.im * u).max(1e-300))));
             each[0].min(each[1]).min(u)
@@ -183,7 +184,7 @@ impl Vicinity {
             for (q, (u, w)) in self.offsets.iter().zip(&self.weights).enumerate() {
                 let y = curve.point(t + u);
                 let pair = Pair::new(x, &y);
-                // So close to the target that both are one number: nothing weighs less.
+                // The point equals the target in floating point; its weight is negligible.
                 if pair.r == 0.0 {
                     continue;
                 }
@@ -209,7 +210,7 @@ impl Vicinity {
     }
 }
 
-/// Pairs `(to, from)` that parts of the equations have.
+/// Pairs `(to, from)` in the parts of the equations.
 pub(super) fn pairs_of(parts: &[&'static [usize]]) -> Vec<(usize, usize)> {
     let mut pairs = Vec::with_capacity(COMPONENTS * COMPONENTS);
     for c in parts {

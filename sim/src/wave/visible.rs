@@ -7,7 +7,7 @@ pub(crate) fn visible(bodies: &[Body]) -> Vec<Body> {
     bodies.iter().filter_map(|body| seen(body, C64::ONE)).collect()
 }
 
-/// What is seen of a body in a medium: where it is of the same index, its lumen alone.
+/// The visible part of a body in a medium: only its lumen if the indices are equal.
 fn seen(body: &Body, around: C64) -> Option<Body> {
     let lumen = body.lumen.as_deref().and_then(|lumen| seen(lumen, body.index()));
     if body.index() == around { lumen } else { Some(Body { lumen: lumen.map(Box::new), ..body.clone() }) }
@@ -38,7 +38,7 @@ mod tests {
         Body { shape, center_um: [0.0; 2], rotation_rad: 0.0, eta, kappa, lumen: lumen.map(Box::new) }
     }
 
-    /// Walls go where both sides are one medium, absorption included, and what is inside stays.
+    /// Walls between equal media, absorption included, are removed; their inner bodies stay.
     #[test]
     fn walls_between_equal_media_go() {
         let core = circle(1.0, 1.0, 0.0, None);

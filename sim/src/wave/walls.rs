@@ -1,5 +1,5 @@
-//! Walls between media: the outlines of bodies and their lumens, with nodes and the media on both sides, and
-//! the check that no two cross.
+//! Walls between media: outlines of bodies and lumens, with nodes and the media on both sides, and a check
+//! that no two cross.
 
 use super::curve::{Curve, Resolution};
 use super::kernel::Medium;
@@ -7,7 +7,7 @@ use super::vicinity::{steepness, width_nodes};
 use super::{Body, C64, Shape, Wave, WaveError};
 use std::f64::consts::TAU;
 
-/// A wall, its place among the nodes and its media.
+/// A wall, its range of nodes and its media.
 pub(crate) struct Wall {
     /// The outline and its nodes.
     pub curve: Curve,
@@ -20,7 +20,7 @@ pub(crate) struct Wall {
     pub name: String,
 }
 
-/// Media and walls of bodies, each with the nodes its wavelength asks for.
+/// Media and walls of bodies, each with the nodes for its wavelength.
 pub(crate) fn trace_walls(
     bodies: &[Body],
     wave: &Wave,
@@ -59,12 +59,12 @@ pub(crate) fn trace_walls(
     Ok((media, walls))
 }
 
-/// A wall with the nodes that the waves along it ask for: those of both media, and on metals the surface
-/// wave, `beta^2 = k_0^2 eps_o eps_i / (eps_o + eps_i) - k_z^2`.
+/// A wall with the nodes for the waves along it: those of both media, and on metals the surface wave,
+/// `beta^2 = k_0^2 eps_o eps_i / (eps_o + eps_i) - k_z^2`.
 ///
-/// Waves inside need no nodes where they die before they have crossed the body, and within the window around
-/// a target ([`vicinity`](super::vicinity)) wherever the nodes do not resolve them. What is seen of them from
-/// the wall then is as smooth as what drives them, but at the joints of polygons.
+/// Waves inside need no nodes if they decay before they cross the body, and within the window around a target
+/// ([`vicinity`](super::vicinity)) wherever the nodes do not resolve them. At the wall they are then as
+/// smooth as their excitation, except at the joints of polygons.
 fn trace(
     body: &Body,
     wave: &Wave,
@@ -81,7 +81,7 @@ fn trace(
         Shape::Circle { .. } | Shape::Ellipse { .. } => resolution.per_wavelength_ellipse,
         _ => resolution.per_wavelength,
     };
-    // The longest step that resolves the waves, and the shortest whose window they do not leave.
+    // The longest step that resolves the waves, and the shortest one whose window contains them.
     let resolving_um = TAU / (per_wavelength * inside.kappa.norm());
     let dead_um = steepness(tolerance) / inside.kappa.im;
     let jointed = matches!(body.shape, Shape::Polygon { .. });
@@ -98,7 +98,7 @@ fn trace(
 pub(crate) fn check_overlap(walls: &[Wall]) -> Result<(), WaveError> {
     for (j, a) in walls.iter().enumerate() {
         for b in &walls[j + 1..] {
-            // b inside of a, or both beside each other with boxes that meet.
+            // b inside of a, or both beside each other with overlapping boxes.
             let nested = b.outside == a.inside;
             if !nested && (b.outside != a.outside || apart(a, b)) {
                 continue;

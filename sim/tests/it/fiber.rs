@@ -1,7 +1,7 @@
-//! Fiber tables from end to end. Chain of trust: the series of circles are held to published digits in their
-//! own file; the tabulation is held to a made-up solver in its own; here the loaded fiber of a real solver
-//! passes the furnace, gives back the wave simulation's net effect on a beam when it is rendered as rays (Xia
-//! 2020, 7.2 and Fig. 10), and large fibers agree with rays on average (Xia 2020, Fig. 4).
+//! Fiber tables from end to end. Chain of trust: the series of circles are compared with published digits in
+//! their own file, and the tabulation with a synthetic solver in its own. Here the loaded fiber of a real
+//! solver passes the furnace, reproduces the wave simulation's net effect on a beam when rendered as rays
+//! (Xia 2020, 7.2 and Fig. 10), and large fibers agree with rays on average (Xia 2020, Fig. 4).
 
 use plywave::check::{FURNACE_TOLERANCE, SAMPLED_TOLERANCE_SE, WEIGHT_TOLERANCE, check_bsdf};
 use plywave::fiber::{FiberTable, TabulatedFiber};
@@ -91,7 +91,7 @@ fn sign_of_the_latitude_changes_nothing() {
     }
 }
 
-/// An ellipse's table against the solver at azimuths of all quadrants that it does not hold, and the gain of
+/// An ellipse's table agrees with the solver at azimuths between its nodes in all quadrants, and the gain of
 /// interpolating at equal phi_r - phi_i over interpolating at equal phi_r.
 #[test]
 fn ellipses_are_known_at_every_azimuth() {
@@ -148,8 +148,8 @@ fn ellipses_are_known_at_every_azimuth() {
     }
 }
 
-/// What the fiber does to the light of a beam from azimuth `phi_i`, per azimuth bin [um], by wave optics: the
-/// intensity of the whole field less that of the beam alone, unpolarized.
+/// Net effect of the fiber on a beam from azimuth `phi_i`, per azimuth bin [um], by wave optics: the
+/// intensity of the whole field minus that of the beam alone, unpolarized.
 ///
 /// Far from its waist the beam `integral a(q) exp(i (q s + sqrt(k^2 - q^2) l)) dq`, k the transverse
 /// wavenumber, is by stationary phase `sqrt(2/(pi k rho)) exp(i (k rho - pi/4)) pi k cos(psi) a(k sin psi)`
@@ -162,7 +162,7 @@ fn net_by_waves(solver: &dyn WaveSolver, wave: &Wave, phi_i: f64, beam: BeamSour
     for (pol, sign) in [(Polarization::Tm, 1.0), (Polarization::Te, -1.0)] {
         let field = &solver.scatter(&[Source { phi_i, pol, beam: Some(beam) }], n).unwrap()[0];
         for j in 0..n {
-            // s runs along (sin phi_i, -cos phi_i), to the left of the way the light goes as seen from +z.
+            // s runs along (sin phi_i, -cos phi_i), to the left of the light's direction as seen from +z.
             let psi = TAU * j as f64 / n as f64 - (phi_i + PI);
             let (sin, cos) = psi.sin_cos();
             let q = k * sin;
@@ -180,8 +180,8 @@ fn net_by_waves(solver: &dyn WaveSolver, wave: &Wave, phi_i: f64, beam: BeamSour
     net
 }
 
-/// The same by rays: places and directions from the beam's intensity, those that hit the effective width
-/// scattered by the table.
+/// The same by rays: positions and directions from the beam's intensity; the table scatters those that hit
+/// the effective width.
 fn net_by_rays(
     fiber: &TabulatedFiber,
     wave: &Wave,
@@ -270,9 +270,9 @@ fn rendered_beam_shows_the_net_effect_of_the_waves() {
             let net = compare_nets(&by_waves, &by_rays, phi_i, divergence);
             let sums: [f64; 2] = [by_waves.iter().sum(), by_rays.iter().sum()];
             let (c_x, cos) = (t.c_x_um[m], theta_i.cos());
-            // The beam is weaker at the edges of the effective width than the even light that the table was
-            // made for: the mean of 1 - exp(-2 s^2 / w0^2) over it, and where the light falls matters for the
-            // pattern. The noise of the rays comes on top.
+            // At the edges of the effective width the beam is weaker than the even light of the table, by the
+            // mean of 1 - exp(-2 s^2 / w0^2) over it, and the pattern depends on the light's position. The
+            // noise of the rays comes on top.
             let edge = (c_x / beam.w0_um).powi(2) / 6.0;
             println!(
                 "radius {radius_um} um, sigma {sigma}, w0 {waists} radii, theta_i {:.0}: relative L2 beyond the beam {:.4}; lost near the beam {:.4} um by waves, {:.4} um by rays; C_x {c_x:.4} um, edge {edge:.4}",
@@ -283,7 +283,7 @@ fn rendered_beam_shows_the_net_effect_of_the_waves() {
             );
             assert!(net.l2 < edge + 0.02, "relative L2 beyond the beam {}", net.l2);
             assert!((net.lost[1] / net.lost[0] - 1.0).abs() < edge + 0.02, "lost near the beam: {:?}", net.lost);
-            // A clear fiber only moves light; a dark one takes away what it absorbs.
+            // A clear fiber only moves light; a dark one also absorbs.
             for sum in sums {
                 let absorbed = t.c_abs_um[m] * cos;
                 assert!((sum + absorbed).abs() < (edge + 0.01) * c_x * cos, "{sum} of {absorbed} absorbed");
@@ -312,8 +312,8 @@ fn correlation(a: &[f64], b: &[f64]) -> f64 {
     cov(a, ma, b, mb) / (cov(a, ma, a, ma) * cov(b, mb, b, mb)).sqrt()
 }
 
-/// Waves against rays for a large smooth fiber: differential widths N C_e away from the forward peak, which
-/// rays have not, over a band of wavelengths.
+/// Waves agree with rays for a large smooth fiber: differential widths N C_e away from the forward peak,
+/// which rays lack, over a band of wavelengths.
 #[test]
 #[ignore = "slow: 5 s: large fibers agree with rays"]
 fn large_fibers_agree_with_rays() {
@@ -354,9 +354,9 @@ fn large_fibers_agree_with_rays() {
             waves.theta_i[m].to_degrees(),
             waves.c_x_um[m] / waves.width_um[0]
         );
-        // Measured 0.9986, 0.053, 1.08 at 15 degrees and 0.994, 0.10, 1.20 at 45: what waves add to twice the
-        // width runs round the fiber (k R cos theta_i is 106 to 145) and leaves it to all sides, some of it
-        // back.
+        // Measured 0.9986, 0.053, 1.08 at 15 degrees and 0.994, 0.10, 1.20 at 45: the excess of waves over
+        // twice the width runs around the fiber (k R cos theta_i is 106 to 145) and leaves in all directions,
+        // partly backwards.
         assert!(r > 0.99 && l2 < 0.15 && (1.0..1.3).contains(&ratio), "{r} {l2} {ratio}");
         assert!((2.0..2.1).contains(&(waves.c_x_um[m] / waves.width_um[0])));
         assert!((rays.c_x_um[m] / 20.0 - 1.0).abs() < 1e-12);

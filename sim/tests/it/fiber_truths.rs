@@ -1,6 +1,6 @@
-//! Opaque, hollow and blended fibers against truths that share no code with the tracers: Fresnel's formula
-//! integrated, a walk through straight circles by quadratic equations in double precision, the sum of single
-//! fibers where a ply is dilute, the path back where nothing prefers a sense.
+//! Opaque, hollow and blended fibers compared with references that share no code with the tracers: Fresnel's
+//! formula integrated, a walk through straight circles by quadratic equations in double precision, the sum of
+//! single fibers in a dilute ply, and reciprocity.
 
 use nalgebra::{Complex, Vector2, Vector3};
 use plywave::fiber::{Metal, OpaqueIndex, Reflections};
@@ -38,7 +38,7 @@ struct Round {
     core: f64,
     eta: f64,
     core_eta: f64,
-    /// Of an opaque one.
+    /// Index of an opaque fiber.
     index: Option<Complex<f64>>,
     absorbs: f64,
     core_absorbs: f64,
@@ -51,7 +51,7 @@ fn crossings(q: Vector2<f64>, d: Vector2<f64>, radius: f64) -> Option<[f64; 2]> 
     (disc > 0.0).then(|| [(-b - disc.sqrt()) / a, (-b + disc.sqrt()) / a])
 }
 
-/// How light leaves: direction, absorbing length, weight by opaque walls. None of light that meets nothing.
+/// Outgoing light: direction, absorbing length, weight by opaque walls. None for light that hits nothing.
 fn walk_by_quadratics<R: Rng>(
     fibers: &[Round],
     mut pos: Vector3<f64>,
@@ -142,8 +142,8 @@ fn rounds(section: &PlySection, spec: &YarnSpec, lambda_um: f64) -> Vec<Round> {
     section.fibers.iter().map(of).collect()
 }
 
-/// A line of light that is even over all directions, towards a cylinder: its start and its direction.
-/// Latitudes as cos^2, since the cylinder shows less of itself to steep light.
+/// A line of light, even over all directions, towards a cylinder: its start and its direction. Latitudes
+/// follow cos^2, since the cylinder's projected area is smaller for steep light.
 fn even_line<R: Rng>(bound: f64, rng: &mut R) -> (Vector3<f64>, Vector3<f64>) {
     let (sin, cos) = loop {
         let sin: f64 = 2.0 * rng.random::<f64>() - 1.0;
@@ -159,7 +159,7 @@ fn even_line<R: Rng>(bound: f64, rng: &mut R) -> (Vector3<f64>, Vector3<f64>) {
     (turn(x, up, 1000.0 * rng.random::<f64>()), turn(0.0, -cos, sin))
 }
 
-/// Direction and length of what a tracer's walk gives; none of light that misses.
+/// Direction and length of a tracer's walk; none for light that misses.
 fn outcome(end: PathEnd) -> Option<(Vector3<f64>, f64)> {
     match end {
         PathEnd::Reflected { dir, .. } => Some((dir.cast(), 0.0)),
@@ -188,8 +188,8 @@ impl Tally {
     }
 }
 
-/// A smooth wire lit across: its albedo is the mean of Fresnel's reflectance over the offset. Lit from
-/// everywhere: that over the hemisphere, of each metal at each wavelength, by the one length that serves them
+/// The albedo of a smooth wire under light across it is the mean of Fresnel's reflectance over the offset.
+/// Under even light it is that over the hemisphere, for each metal at each wavelength, with one length for
 /// all.
 #[test]
 fn wires_keep_what_fresnel_says() {
@@ -280,14 +280,13 @@ fn straight_plies_are_those_of_quadratic_equations() {
             let turn = (b.y.atan2(b.x) - a.y.atan2(a.x)).rem_euclid(TAU);
             ((turn / TAU * BINS as f64) as usize).min(BINS - 1)
         };
-        // [sigma][bin]: what the tracer has more; the last bin is of all light, line for line.
+        // [sigma][bin]: excess of the tracer; the last bin is of all light, line for line.
         let mut more = vec![[Tally::default(); BINS + 1]; sigmas.len()];
         let mut totals = vec![[0.0; 2]; sigmas.len()];
         let mut killed = 0;
         let mut rng = Pcg64Mcg::seed_from_u64(3);
         for _ in 0..n {
-            // Light in steeper fibers is reflected so often before it leaves that paths end at the limit of
-            // interactions.
+            // Light in steeper fibers is reflected so often that paths end at the limit of interactions.
             let (pos, dir) = loop {
                 let (pos, dir) = even_line(bound, &mut rng);
                 if dir.z.abs() < 0.95 {
@@ -333,8 +332,8 @@ fn straight_plies_are_those_of_quadratic_equations() {
     }
 }
 
-/// Fibers a hundred times their width apart scatter each for itself: what a blend keeps is the mean of what
-/// its two kinds keep, by the light that meets them.
+/// Fibers a hundred times their width apart scatter independently: the energy of a blend is the mean of its
+/// two kinds, weighted by the light that hits them.
 #[test]
 fn dilute_blends_are_the_mixture_of_their_parts() {
     let first = "shape = { kind = \"hollow_circle\", radius_um = 7.5, lumen = 0.5 }\neta = 1.6\nalpha_fiber = 0.2";
@@ -385,13 +384,13 @@ fn dilute_blends_are_the_mixture_of_their_parts() {
         let want = share * a[k].0 + (1.0 - share) * b[k].0;
         let se = (mixed[k].1 + a[k].1 + b[k].1).sqrt();
         println!("{:.4} of a blend, {want:.4} of its parts ({:.4}, {:.4})", mixed[k].0, a[k].0, b[k].0);
-        // A thousandth of the light meets a second fiber.
+        // A thousandth of the light hits a second fiber.
         assert!((mixed[k].0 - want).abs() < 5.0 * se + 2e-3, "{:?}, want {want}, standard error {se}", mixed[k]);
         assert!((a[k].0 - b[k].0).abs() > 20.0 * se);
     }
 }
 
-/// A ply turned end over end is the same ply, and every path can be walked back: light that is even over all
+/// A ply turned end over end is the same ply, and every path is reversible: light that is even over all
 /// directions goes as often from latitude a to b as from b to a, at every turn in azimuth, absorption
 /// included.
 #[test]
@@ -427,7 +426,7 @@ fn plies_of_every_kind_are_reciprocal() {
                     let [there, back] = [flux[a][b][t], flux[b][a][t]];
                     let se = (there.0[1] + back.0[1]).sqrt().max(3.0);
                     worst = worst.max((there.0[0] - back.0[0]).abs() / se);
-                    // The other way round is not the same: the test sees the twist.
+                    // The opposite turn differs, so the test is sensitive to the twist.
                     let other = flux[b][a][5 - t];
                     twisted = twisted.max((there.0[0] - other.0[0]).abs() / (there.0[1] + other.0[1]).sqrt().max(3.0));
                 }

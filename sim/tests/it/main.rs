@@ -1,4 +1,4 @@
-//! Tests of the simulators. One program, so that they share what is loaded.
+//! Tests of the simulators. One program, so that they share loaded data.
 
 mod fiber;
 mod fiber_truths;

@@ -1,6 +1,6 @@
 //! Packings at random seeds: gaps kept, all within the ply, filled evenly, the same for the same seed;
-//! refused when they cannot fit.
-//! The gap is measured here by a second, plain code over all vertices and edges.
+//! refused when they cannot fit. The gap is measured here by a brute-force reference over all vertices and
+//! edges.
 
 use nalgebra::Vector2;
 use plywave::spec::{Handedness, Packing, Shape, YarnSpec};
@@ -71,7 +71,7 @@ fn fabrics_keep_gap_and_lie_within() {
             }
             let (got, reach) = (ply.min_gap_um(), outlines.iter().flatten().map(|p| p.norm()).fold(0.0, f64::max));
             assert!(got >= spec.ply.min_gap_um && least >= spec.ply.min_gap_um, "{name}, seed {seed}: {got} {least}");
-            // The plain code sees a circle as a polygon of 360 sides.
+            // The reference treats a circle as a polygon of 360 sides.
             assert!(
                 (got - least).abs() < 1e-3 || least > 1.0,
                 "{name}, seed {seed}: gap {got}, by the plain code {least}"
@@ -181,8 +181,8 @@ fn shares_within(spec: &YarnSpec, seeds: u64, radii: &[f64]) -> Vec<f64> {
     within.into_iter().map(|w| w / all).collect()
 }
 
-/// The density that docs/explain/papers.md asks for, written out anew: d0 (1 - r^m), m = 2 or what keeps the
-/// middle at 0.82 for discs, 0.72 for others.
+/// The radial density of docs/explain/papers.md, written independently: d0 (1 - r^m), with m = 2 or the value
+/// that keeps the middle at 0.82 for discs, 0.72 for others.
 #[test]
 #[ignore = "slow: 20 s: radial density is the asked one"]
 fn radial_density_is_the_asked_one() {
@@ -209,7 +209,7 @@ fn radial_density_is_the_asked_one() {
     }
 }
 
-/// A ragged rim lets more light by than a lined one.
+/// A ragged rim lets more light pass than a lined one.
 #[test]
 #[ignore = "slow: 10 s: a ragged rim is met less"]
 fn a_ragged_rim_is_met_less() {
@@ -270,7 +270,7 @@ fn what_cannot_fit_is_refused() {
         };
         assert_eq!((key, fibers as u32, Some(radius_um)), ("ply.radius_um", spec.ply.fibers, spec.ply.radius_um));
         assert!((packing_fraction / spec.packing_fraction() - 1.0).abs() < 0.2, "{packing_fraction}");
-        // The radius that the message asks for is accepted.
+        // The radius in the message's hint is accepted.
         let mut wider = spec.clone();
         wider.ply.radius_um = Some(least_radius_um);
         assert!(least_radius_um > radius_um && PlySection::generate(&wider, 1).is_ok(), "{error}");

@@ -1,5 +1,5 @@
-//! Every kind of job run in shares, merged by what the parts themselves say, against the same job in one run:
-//! equal to the bit.
+//! Every kind of job in shares, merged from the parts' own descriptions, equals the same job in one run to
+//! the bit.
 
 use plywave::fiber::FiberSource;
 use plywave::spec::YarnSpec;
@@ -88,7 +88,7 @@ fn speckle_comparisons_and_scenes() {
     assert_eq!((report.stats.method, report.stats.unknowns), (whole.stats.method, whole.stats.unknowns));
 }
 
-/// The standard error that is told ahead is that of the runs, and the number of paths that is told is enough.
+/// The predicted standard error is that of the runs, and the number of paths in the error's hint is enough.
 #[test]
 fn too_few_paths_are_told_ahead() {
     let text = SPEC.replace("radius_um = 4.0", "radius_um = 60.0");

@@ -60,7 +60,7 @@ fn outlines_are_simple_smooth_and_centered() {
                 let mean = wall.perimeter() / points.len() as f64;
                 let edge = |i: usize| (points[(i + 1) % points.len()] - points[i]).norm();
                 assert!((0..points.len()).all(|i| (0.8 * mean..1.05 * mean).contains(&edge(i))), "{shape:?}: uneven");
-                // Turn from edge to edge: about 0.2 rad, or what 1024 points can do for the sharpest of
+                // Turn from edge to edge: about 0.2 rad, or the least that 1024 points allow for the sharpest
                 // shapes.
                 let (turn, allowed) = (wall.max_curvature() * mean, if points.len() < 1024 { 0.25 } else { 0.75 });
                 assert!(turn < allowed, "{shape:?}: turns by {turn} rad at a vertex of {}", points.len());
@@ -86,7 +86,7 @@ fn lumens_keep_a_wall() {
     }
 }
 
-/// The area that the spec's check reckons with is the mean area of what is drawn.
+/// The area in the spec's check is the mean area of drawn fibers.
 #[test]
 fn areas_are_those_of_the_spec() {
     for shape in shapes() {

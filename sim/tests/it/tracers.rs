@@ -1,6 +1,6 @@
-//! Chain of trust of the path tracer. Truth: the closed form of a smooth circular cylinder (Zinke and Weber
-//! 2007, 5.1) and the conservation of power. Reference: the triangle mesh beside the screw march, and a run
-//! at sigma beside the reweighted one.
+//! Chain of trust of the path tracer: the closed form of a smooth circular cylinder (Zinke and Weber 2007,
+//! 5.1) and the conservation of power; then the triangle mesh compared with the screw march, and a run at
+//! sigma compared with the reweighted one.
 
 use nalgebra::{Vector2, Vector3};
 use plywave::spec::YarnSpec;
@@ -122,7 +122,7 @@ fn smooth_cylinder_matches_zinke_weber() {
 
 /// refl + high + r_d = 1 at sigma = 0, within 5 standard errors, for every incidence of every shipped yarn:
 /// no path is lost or counted twice, and none is killed. (Each path carries weight 1 through every
-/// scattering; that the surface may do so is held by the reciprocity test of the dielectric.)
+/// scattering; the reciprocity test of the dielectric justifies that.)
 #[test]
 #[ignore = "slow: 25 s: power is conserved"]
 fn power_is_conserved() {
@@ -171,8 +171,8 @@ fn distance(a: &Table, b: &Table, m: usize, n: usize, k: Option<usize>) -> f64 {
     d2 / noise
 }
 
-/// Triangles and screw march make the same tables, slice by slice, within noise: same geometry instances and
-/// random streams, but paths that part at the first difference.
+/// Triangles and screw march give the same tables, slice by slice, within noise: same geometry instances and
+/// random streams, but paths diverge at the first difference.
 #[test]
 #[ignore = "slow: 30 s: mesh and screw agree"]
 fn mesh_and_screw_agree() {
@@ -205,7 +205,7 @@ fn mesh_and_screw_agree() {
 }
 
 /// The energies of one run at many sigma are those of another with that sigma alone and other paths, within
-/// noise. That the length they are weighted by is right is held by the cylinder's closed form above.
+/// noise. The cylinder's closed form above tests the length that weights them.
 #[test]
 fn energies_at_a_sigma_do_not_depend_on_the_others() {
     let (mut spec, text) = spec("polyester");
@@ -248,7 +248,7 @@ fn threads_and_interruptions_do_not_matter() {
     assert!(matches!(with(2, run), Err(SimError::Interrupted { .. })));
     let resumed = with(2, Run { parts: Some(&folder), ..Run::plain() }).unwrap();
     assert_eq!(whole, resumed);
-    // Another seed may not take these shards up.
+    // A run with another seed may not use these shards.
     let other = SimOptions { seed: 9, ..options.clone() };
     let refused = simulate(&spec, &text, &other, Run { parts: Some(&folder), ..Run::plain() });
     assert!(refused.is_err());

@@ -1,6 +1,5 @@
-//! The twin of a cloth. That its fibers scatter as those of a ply alone is held in `sim/src/twin/tests.rs`;
-//! here: energy, reciprocity, the mesh's resolution, refusals, and that a run gives the same bits however it
-//! is cut.
+//! The twin of a cloth. `sim/src/twin/tests.rs` compares its fibers with those of a single ply; here: energy,
+//! reciprocity, the mesh's resolution, refusals, and the same bits however a run is cut.
 
 use plywave::fabric::{Draft, Fabric, YarnShape};
 use plywave::spec::{Handedness, POLYESTER};
@@ -45,8 +44,8 @@ fn trace(cloth: &TwinCloth, options: &TwinOptions) -> ClothTwin {
     twin(cloth, options, Run::plain()).unwrap()
 }
 
-/// At sigma = 0 every path that is not stopped goes out with all it had, and hardly any is stopped; sums by
-/// bins, by yarns and by plies are the same light.
+/// At sigma = 0 every path that is not stopped leaves with its full weight, and hardly any is stopped; sums
+/// by bins, by yarns and by plies are the same light.
 #[test]
 fn all_light_comes_out() {
     for (cloth, views) in [
@@ -58,7 +57,7 @@ fn all_light_comes_out() {
             let light = twin.light(view, 0);
             let sum = light.reflected + light.transmitted + light.straight + twin.killed[view];
             assert!((sum - 1.0).abs() < 1e-9, "{}: {sum}", cloth.name);
-            // One path may be caught by a smooth ring of reflections; ten would be a leak.
+            // One path may be trapped by a smooth ring of reflections; ten would be a leak.
             assert!(twin.killed[view] <= 6e-4, "{}: {} stopped", cloth.name, twin.killed[view]);
             assert!(twin.interactions[view] > 3.0 && twin.interactions[view] < f64::from(MAX_INTERACTIONS));
             let mut before = f64::INFINITY;
@@ -152,7 +151,7 @@ fn the_mesh_is_fine_enough() {
             for (got, want, se) in
                 [(x.reflected, y.reflected, rx.hypot(ry)), (x.transmitted, y.transmitted, tx.hypot(ty))]
             {
-                // 24 points about a circle were measured to be off by 0.002 of the light.
+                // The measured error of 24 points about a circle is 0.002 of the light.
                 assert!((got - want).abs() < 4.0 * se + 0.003, "view {view}, sigma {sigma}: {got} against {want}");
             }
             assert!((x.straight - y.straight).abs() < 0.012, "{} against {}", x.straight, y.straight);
@@ -160,8 +159,7 @@ fn the_mesh_is_fine_enough() {
     }
 }
 
-/// The same bits on any number of threads, and from parts that were run apart; the cloth is made anew from
-/// its text.
+/// The same bits on any number of threads, and from separately run parts; the cloth is rebuilt from its text.
 #[test]
 #[ignore = "slow: 5 s: bits do not depend on how the run is cut"]
 fn bits_do_not_depend_on_how_the_run_is_cut() {
@@ -197,12 +195,12 @@ fn impossible_cloth_is_refused() {
     let text = error.to_string();
     assert!(text.contains("warp yarn 0 and weft yarn 0") && text.contains("intersect by 20.0 um"), "{text}");
     assert!(!text.contains('\n') && text.contains("use larger crimps"), "{text}");
-    // A weft that lies still and a warp that goes around it on the shortest way.
+    // A straight weft and a warp that goes around it on the shortest path.
     let error = refuse(Draft::plain(), [shape(1, 50.0, 300.0, 1.0), shape(1, 50.0, 150.0, 0.0)]);
     assert!(error.to_string().contains("intersect"), "{error}");
     let parsed = TwinCloth::parse("{}").unwrap_err().to_string();
     assert!(parsed.contains("the text of the cloth"), "{parsed}");
-    // Nor is one of more repeats than could ever be traced looked at for hours.
+    // A domain of more repeats than can be traced is refused quickly.
     let long = TwinOptions { repeats: Some([1 << 20, 1]), ..TwinOptions::default() };
     let refused = TwinJob::new(plain(), &long).err();
     assert!(matches!(refused, Some(SimError::Option { name: "repeats", .. })), "{refused:?}");

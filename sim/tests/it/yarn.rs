@@ -1,5 +1,5 @@
-//! Traced yarns: power is kept, other plies stop light, one ply is none of a yarn's business. What misses a
-//! yarn and where light leaves a ply is held to closed forms in `sim/src/target.rs`.
+//! Traced yarns: power is conserved, other plies stop light, and a single ply does not depend on the yarn.
+//! `sim/src/target.rs` compares the missed light and the exit positions with closed forms.
 
 use plywave::spec::YarnSpec;
 use plywave::table::Table;
@@ -46,7 +46,7 @@ fn power_of_a_traced_yarn_is_conserved() {
     }
 }
 
-/// More plies send more light back and let less through: light that leaves one ply hits others.
+/// More plies reflect more light and transmit less: light that leaves one ply hits others.
 #[test]
 #[ignore = "slow: 5 s: other plies stop forward light"]
 fn other_plies_stop_forward_light() {
@@ -68,7 +68,7 @@ fn other_plies_stop_forward_light() {
     assert!(one > two + 0.01 && two > seven + 0.03, "{one} {two} {seven}");
 }
 
-/// The yarn's plies are no part of what one ply does.
+/// The table of one ply does not depend on the yarn's plies.
 #[test]
 fn one_ply_of_a_yarn_is_the_ply() {
     let (one, one_text) = solid(1, 0.3);

@@ -1,6 +1,6 @@
-//! Fibers beyond the solid dielectric: opaque ones, hollow circles, blends, dispersion. Truth: conservation
-//! of power, mirrors, straight lines through two circles; reference implementations: a march in small steps,
-//! triangles, fibers whose exact answer is known from those of one kind.
+//! Fibers beyond the solid dielectric: opaque ones, hollow circles, blends, dispersion. References:
+//! conservation of power, mirrors, straight lines through two circles; a march in small steps, triangles, and
+//! fibers whose exact result follows from those of one kind.
 
 use nalgebra::{Vector2, Vector3};
 use plywave::fiber::{Metal, OpaqueIndex, Reflections};
@@ -56,7 +56,7 @@ fn assert_lossless(t: &Table, what: &str) {
     }
 }
 
-/// Mean of an energy over the beams that meet the ply.
+/// Mean of an energy over the beams that hit the ply.
 fn mean_high(t: &Table, sigma: usize) -> f64 {
     let ks = t.sigma_per_um.len();
     let met: f64 = t.r_d.iter().map(|r| 1.0 - r).sum();
@@ -88,9 +88,10 @@ fn plies_of_every_kind_conserve_power() {
     }
 }
 
-/// The color of a metal by one length for all wavelengths, against the exact one: the same paths, each facet
-/// by Fresnel's reflectance of the wavelength. The same seed makes the same paths, so that the difference has
-/// no noise. Of light that left a ply of gold, silver, aluminium or copper it is held to 0.012.
+/// The color of a metal by one length for all wavelengths is compared with the exact one: the same paths,
+/// each facet by Fresnel's reflectance of the wavelength. The same seed gives the same paths, so the
+/// difference has no noise. The limit is 0.012 of the light that leaves a ply of gold, silver, aluminum or
+/// copper.
 #[test]
 fn colors_of_metals_by_length_are_those_by_facets() {
     let lambdas = [0.42, 0.45, 0.48, 0.50, 0.52, 0.55, 0.58, 0.62, 0.66, 0.70];
@@ -136,8 +137,8 @@ fn colors_of_metals_by_length_are_those_by_facets() {
     }
 }
 
-/// Two straight circles, and a twisted ply's: what the tracer answers within a ring and within its core,
-/// against a march in steps of a thousandth of a micrometer.
+/// Two straight circles, and a twisted ply's: the tracer's hits within a ring and within its core agree with
+/// a march in steps of a thousandth of a micrometer.
 #[test]
 fn rings_are_left_where_a_fine_march_leaves_them() {
     for pitch_um in [None, Some(300.0)] {
@@ -193,7 +194,7 @@ fn rings_are_left_where_a_fine_march_leaves_them() {
             assert_eq!(hit.fiber, f as u32);
             let got = f64::from(hit.t_um);
             let off = (got - t).abs();
-            // A line that all but touches a core may count either way: the wall is then 2e-4 um off.
+            // A line that almost touches a core may count either way: the wall is then 2e-4 um away.
             let touching = place(got) - core;
             if hit.lumen != lumen || off > 0.05 {
                 assert!(
@@ -211,7 +212,7 @@ fn rings_are_left_where_a_fine_march_leaves_them() {
     }
 }
 
-/// A core of the fiber's own material changes nothing; one that takes no dye makes the lengths those in the
+/// A core of the fiber's own material changes nothing; with a core without dye, the lengths are those in the
 /// ring.
 #[test]
 #[ignore = "slow: 5 s: a core of the same material is no core"]
@@ -244,8 +245,7 @@ fn hollow_circles_by_march_and_by_triangles() {
     assert!((mean_refl(&screw) - mean_refl(&mesh)).abs() < 0.003);
 }
 
-/// Time of this thread on its core [s], whatever else runs beside it; where the system does not tell it, time
-/// that has passed.
+/// Time of this thread on its core [s], whatever else runs; elapsed time if the system does not report it.
 fn seconds() -> f64 {
     static START: std::sync::LazyLock<Instant> = std::sync::LazyLock::new(Instant::now);
     let told = std::fs::read_to_string("/proc/thread-self/schedstat").ok();
@@ -289,12 +289,12 @@ fn hollow_circles_trace_at_half_the_speed_of_full_ones_or_better() {
         let ratio = best[0] / best[1];
         println!("core {lumen}: {ratio:.2} of a full circle's paths a second; {b:.2} walls a path, full {a:.2}");
         assert!(ratio * b / a > 0.75, "core {lumen}: {:.2} of a full circle's walls a second", ratio * b / a);
-        // A thin ring's paths meet 1.8 times as many walls: 0.49 to 0.54 beside other work.
+        // A thin ring's paths hit 1.8 times as many walls: 0.49 to 0.54 beside other work.
         assert!(lumen > 0.6 || ratio > 0.5, "core {lumen}: {ratio}");
     }
 }
 
-/// The second fibers are the share asked for, each of its own shape, and not first or last in the packing.
+/// The second fibers have the share of the spec, each its own shape, and not first or last in the packing.
 #[test]
 fn blends_have_their_share() {
     let ellipse = "[blend]\nshare = 0.3\n[blend.fiber]\nshape = { kind = \"ellipse\", a_um = 9.0, b_um = 5.0 }\nangle_jitter_rad = 0.1\neta = 1.5\nalpha_fiber = 0.1";
@@ -364,7 +364,7 @@ fn the_dye_of_second_fibers_scales_their_lengths() {
         };
         let (first, second) = (walk(&same, 0), walk(&same, 1));
         assert_eq!(first.map(|f| f.0), second.map(|s| s.0), "x = {x}");
-        // The first fiber does not see what the second is made of; light in the second bends by its own
+        // The first fiber does not depend on the second's material; light in the second refracts by its own
         // index.
         assert_eq!(walk(&other, 0), first);
         let (Some(first), Some(second)) = (first, second) else { continue };
@@ -375,8 +375,8 @@ fn the_dye_of_second_fibers_scales_their_lengths() {
     assert!(seen > 200 && differ == seen, "{differ} of {seen}");
 }
 
-/// Dispersion: a table is that of the index at its beam's wavelength, bit for bit, and what one index leaves
-/// out of a spectrum is printed and held to a bound.
+/// Dispersion: a table is that of the index at its beam's wavelength, bit for bit; the error of one index
+/// over a spectrum is printed and compared with a limit.
 #[test]
 #[ignore = "slow: 15 s: a table has the index of its wavelength"]
 fn a_table_has_the_index_of_its_wavelength() {
@@ -409,8 +409,8 @@ fn a_table_has_the_index_of_its_wavelength() {
     assert!(mean_refl(&blue) > mean_refl(&red));
 }
 
-/// What cannot be is told in one line: comparisons of plies with waves, single fibers by rays, an absorption
-/// for a metal.
+/// Unsupported input is refused in one line: comparisons of plies with waves, single fibers by rays, an
+/// absorption for a metal.
 #[test]
 fn what_rays_and_waves_do_not_share_is_refused() {
     use plywave_sim::wave::{CompareJob, CompareOptions, SingleFiber};

@@ -1,6 +1,6 @@
-//! Chain of trust of the yarn's table. Truth: light is kept at every number of plies. Reference
-//! implementation: a random walk of photons between plies that knows the table, the ring of plies and nothing
-//! else of the construction.
+//! Chain of trust of the yarn's table: light is conserved at every number of plies; the brute-force reference
+//! is a random walk of photons between plies that shares only the table and the ring of plies with the
+//! construction.
 
 use plywave::frame::{direction, theta_phi};
 use plywave::spec::YarnSpec;
@@ -18,7 +18,7 @@ const THETAS: u32 = 3;
 const OFFSETS: u32 = 9;
 const REACH_UM: f64 = 70.0;
 
-/// A ply made up: lobes that follow theta_i and h, skewed so that no symmetry hides a sign, an edge blurred
+/// A synthetic ply: lobes that follow theta_i and h, skewed so that no symmetry hides a sign, an edge blurred
 /// by the beam. Its energy is exactly 1 at sigma = 0.
 fn ply(exits: bool) -> Table {
     let grid = OutgoingGrid { theta_o: 24, phi_o: 48 };
@@ -113,11 +113,11 @@ fn light_is_kept_at_every_number_of_plies() {
                     let place = format!("{plies} plies, exits {exits}, incidence {i}, sigma {k}: {parts:?}");
                     assert!((sum - 1.0).abs() < 1e-3, "{place}");
                     assert!(parts.iter().all(|p| (-1e-4..=1.0).contains(p)), "{place}");
-                    // What the table holds is what the ledger says.
+                    // The table's energies are those of the ledger.
                     let held = yarn.energy_refl[i] + yarn.energy_high[at];
                     assert!((held - parts[..3].iter().sum::<f64>()).abs() < 1e-4, "{place}: the table holds {held}");
                     assert!(held + yarn.r_d[i] <= 1.0 + 1e-4, "{place}");
-                    // Nothing is absorbed in clear fibers, but by the rounding of the made-up slices.
+                    // Nothing is absorbed in clear fibers, except by the rounding of the synthetic slices.
                     assert!(k > 0 || ledger.absorbed[at].abs() < 1e-3, "{place}");
                 }
                 let high = &yarn.energy_high[i * sigmas..(i + 1) * sigmas];
@@ -130,7 +130,7 @@ fn light_is_kept_at_every_number_of_plies() {
     }
 }
 
-/// One photon after the other: it hits a ply by chance, is scattered by the table's bins and leaves evenly
+/// One photon after the other: it hits a ply at random, is scattered by the table's bins and leaves evenly
 /// over the ply's width.
 struct Walk<'a> {
     table: &'a Table,

@@ -1,4 +1,4 @@
-//! `plywave check` at the corners of what specs take: least and greatest index, width, order, strength,
+//! `plywave check` at the corners of the range of specs: least and greatest index, width, order, strength,
 //! without absorption and with lengths times it of 0.3 to 20 and beyond.
 
 use super::*;
@@ -11,7 +11,7 @@ fn spec(keys: &str) -> FilamentSpec {
     FilamentSpec::parse(&format!("name = \"x\"\n[filament]\n{keys}\n"), "x.toml").unwrap()
 }
 
-/// Checks of each spec; of so many p-values some hundredth of a percent is chance.
+/// Checks of each spec; with so many p-values some hundredth of a percent occurs by chance.
 fn pass(specs: &[&str], samples: usize) {
     for (k, keys) in specs.iter().enumerate() {
         let spec = spec(keys);

@@ -5,7 +5,7 @@ use super::*;
 use plywave::fiber::cylinder::{FiberDirection, bcsdf_of_energy, energy_of_bcsdf, relative_azimuth};
 use plywave::fiber::fresnel;
 
-/// Any place and direction, off the rim and the poles by 1e-3.
+/// A random point and direction, off the rim and the poles by 1e-3.
 fn anywhere(rng: &mut Pcg64Mcg) -> FiberDirection {
     FiberDirection {
         h_rel: 0.999 * (2.0 * rng.random::<f64>() - 1.0),
@@ -14,7 +14,7 @@ fn anywhere(rng: &mut Pcg64Mcg) -> FiberDirection {
     }
 }
 
-/// Eq. 1-6 against the vectors: axis, normal and tangent at xi, and the direction.
+/// Eq. 1-6 agree with the vectors: axis, normal and tangent at xi, and the direction.
 #[test]
 fn frames_are_those_of_the_vectors() {
     let mut rng = Pcg64Mcg::seed_from_u64(1);

@@ -1,6 +1,7 @@
-//! Analytic models of single fibers (Zinke 2007). Chain of trust: frames are held to vectors and differences;
-//! reflectances to the formulas in three dimensions; paths of a smooth cylinder to a walk by vectors; the far
-//! field to its histogram and to the mean of the near field; every model passes the checks of `check_bsdf`.
+//! Analytic models of single fibers (Zinke 2007). Chain of trust: frames are compared with vectors and
+//! differences, reflectances with the formulas in three dimensions, paths of a smooth cylinder with a walk by
+//! vectors, and the far field with its histogram and with the mean of the near field; every model passes the
+//! checks of `check_bsdf`.
 
 mod corners;
 mod frames;
@@ -59,7 +60,7 @@ fn queries(seed: u64, offsets: &[Option<f32>]) -> Vec<FiberQuery<3>> {
     all
 }
 
-/// No number in gives what is not a number out.
+/// No input gives NaN.
 #[test]
 fn any_numbers_are_answered() {
     let bad = [f32::NAN, f32::INFINITY, f32::NEG_INFINITY, 0.0, -0.0, 1.0, -1.0, 1e30, -1e-30, 0.5, 2.0];

@@ -1,4 +1,4 @@
-//! Rough dielectric fibers brought to the albedo 1, and by how much the printed lobes miss it.
+//! Rough dielectric fibers normalized to the albedo 1, and the deviation of the printed lobes.
 
 use super::*;
 use plywave::fiber::FilamentSpec;
@@ -26,7 +26,7 @@ fn printed_lobes_miss_the_albedo_1() {
 }
 
 /// Without absorption the albedo is 1 at every latitude and offset, by the integral of eval too, and
-/// absorption takes the share that it takes of the printed lobes; the checks of every model hold.
+/// absorption removes the same share as for the printed lobes; the checks of every model pass.
 #[test]
 #[ignore = "slow: 5 s: normalized fibers scatter all light"]
 fn normalized_fibers_scatter_all_light() {
@@ -68,8 +68,8 @@ fn normalized_fibers_scatter_all_light() {
     }
 }
 
-/// What it costs. Swapped directions differ by the ratio of the printed albedos; the far field is off the
-/// mean of the near field.
+/// Costs of the normalization: swapped directions differ by the ratio of the printed albedos, and the far
+/// field differs from the mean of the near field.
 #[test]
 fn costs_of_normalizing_are_those_stated() {
     let (printed, fiber) = (

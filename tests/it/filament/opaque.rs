@@ -5,7 +5,7 @@ use plywave::fiber::opaque::{bcsdf_of_brdf, lambertian, lambertian_by_zinke};
 use plywave::fiber::{conductor, fresnel};
 
 /// Closed forms of physics: k_d pi/4 at phi = 0, integral 2 k_d over the azimuth, and Eq. 48 by quadrature;
-/// Eq. 51 is off as docs/explain/papers.md says.
+/// Eq. 51 deviates as docs/explain/papers.md says.
 #[test]
 fn lambertian_fiber_is_exact() {
     assert!((f64::from(lambertian(0.3, 0.0)) - 0.3 * PI / 4.0).abs() < 1e-6);
@@ -40,7 +40,7 @@ fn lambertian_fiber_is_exact() {
     }
 }
 
-/// Fresnel's reflectance of conductors by complex numbers, and of metals at published places.
+/// Fresnel's reflectance of conductors by complex numbers, and of metals at published values.
 #[test]
 fn conductors_reflect_as_complex_indices_say() {
     let reference = |cos: f64, eta: f64, kappa: f64| {
@@ -96,7 +96,7 @@ fn opaque_fibers_pass_the_checks() {
             }
         }
     }
-    // A black fiber keeps all light.
+    // A black fiber absorbs all light.
     let black = opaque(OpaqueParameters { mirror: Mirror::None, ..Default::default() });
     let query = FiberQuery::new(direction(0.2, 0.0), [0.5]);
     assert_eq!(black.at(&query).sample([0.5; 3]), BsdfSample::Absorbed);

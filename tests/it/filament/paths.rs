@@ -4,7 +4,7 @@
 use super::*;
 use plywave::fiber::cylinder::relative_azimuth;
 
-/// A ray through a smooth cylinder of radius 1, by vectors alone: what leaves after each inner part
+/// A ray through a smooth cylinder of radius 1, by vectors alone: the light that leaves after each inner part
 /// (direction, power without absorption, length inside so far).
 fn walk(theta: f64, h: f64, eta: f64, parts: usize) -> Vec<([f64; 3], f64, f64)> {
     let dot = |a: [f64; 3], b: [f64; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
@@ -155,8 +155,8 @@ fn light_that_varies_over_the_width_is_the_weighted_mean_of_the_near_field() {
     let p = DielectricParameters { radius_um: 1.0, beta_n, orders: 8, beta_m: [0.02; 3], ..Default::default() };
     let fiber = dielectric(p);
     let query = FiberQuery::new(direction(theta as f32, 0.0), [0.5]);
-    // Of the walk, spread by the width; of the azimuth's first moments, which the spread takes exp(-k^2
-    // beta^2 / 2) of.
+    // First moments over the azimuth of the walk; the spread by the width multiplies them by exp(-k^2 beta^2
+    // / 2).
     let mut want = [[0.0f64; 2]; 4];
     for k in 0..offsets {
         let h = (2.0 * f64::from(k) + 1.0) / f64::from(offsets) - 1.0;
@@ -186,7 +186,7 @@ fn light_that_varies_over_the_width_is_the_weighted_mean_of_the_near_field() {
             }
         }
         for m in 0..4 {
-            // One latitude stands for all: M is the same for every order.
+            // One latitude represents all: M is the same for every order.
             (0..2).for_each(|c| got[m][c] += light(h) * energy * sums[m][c] / all / f64::from(places));
         }
     }
@@ -195,7 +195,7 @@ fn light_that_varies_over_the_width_is_the_weighted_mean_of_the_near_field() {
             assert!((got[m][c] - want[m][c]).abs() < 2e-3 * want[0][0], "{m}: got {:?}, want {:?}", got[m], want[m]);
         }
     }
-    // It is not what an even beam of the same power does.
+    // It differs from an even beam of the same power.
     assert!(want[1][1].abs() > 0.02 * want[0][0], "{want:?}");
 }
 
@@ -213,7 +213,7 @@ fn position_dependent_bsdf_is_the_bfsdf_over_all_exits() {
         let places = [-0.9, -0.55, -0.1, 0.2, 0.6, 0.85f32];
         for h in places {
             let at = fiber.at(&FiberQuery { h_rel: Some(h), ..query });
-            // Moments over the azimuth; the spread takes exp(-m^2 beta^2 / 2) of them.
+            // Moments over the azimuth; the spread multiplies them by exp(-m^2 beta^2 / 2).
             let (mut want, mut got) = ([[0.0f64; 2]; 5], [[0.0f64; 2]; 5]);
             for (w, power, length) in walk(theta.into(), h.into(), 1.55, 20) {
                 let (phi, power) = (w[1].atan2(w[0]), power * (-f64::from(sigma) * length).exp());
@@ -233,7 +233,7 @@ fn position_dependent_bsdf_is_the_bfsdf_over_all_exits() {
                     got[1] += f * (m as f64 * phi).sin();
                 }
             }
-            // One latitude stands for all: M is the same for every order.
+            // One latitude represents all: M is the same for every order.
             let scale = f64::from(at.albedo()[0]) / all;
             for m in 0..5 {
                 for c in 0..2 {

@@ -205,7 +205,7 @@ fn ellipses_change_trt_alone() {
 
 /// Where the models are reciprocal: `f / cos theta_o` is the same with light and view swapped for the far
 /// fields of Eq. 52 and of Marschner's model, whose attenuations are taken at theta_d, and for the Lambertian
-/// fiber; of the near field at the offset with the other sign, where the light that comes back enters.
+/// fiber; for the near field at the offset with the opposite sign, where reversed light enters.
 #[test]
 fn swapped_directions_agree_where_the_models_are_reciprocal() {
     let hair = RoughDielectricParameters { k_d: 0.01, ..Default::default() };
@@ -241,11 +241,11 @@ fn swapped_directions_agree_where_the_models_are_reciprocal() {
     }
 }
 
-/// The widths along the fiber and of the offset (w_s, w_h of Eq. 52). w_s is gone once the place of exit
-/// along the axis is integrated over. w_h blurs the offset of exit about that of entry: the near field is
-/// then the mean of Eq. 53 by `g(1, h_o + h_i, w_h)`, as of light that varies over the width (Eq. 39-40), and
-/// the far field, its mean over h_o, loses what the blur carries past the rims alone:
-/// `w_h / sqrt(2 pi)` of the light where all offsets are alike.
+/// The widths along the fiber and of the offset (w_s, w_h of Eq. 52). w_s vanishes in the integral over the
+/// exit position along the axis. w_h blurs the offset of exit about that of entry: the near field is then the
+/// mean of Eq. 53 by `g(1, h_o + h_i, w_h)`, as of light that varies over the width (Eq. 39-40), and the far
+/// field, its mean over h_o, loses what the blur carries past the rims alone: `w_h / sqrt(2 pi)` of the light
+/// where all offsets are alike.
 #[test]
 fn blur_of_the_offset_costs_the_far_field_the_rims() {
     let fiber = rough(RoughDielectricParameters { width_phi: [0.3; 3], ..Default::default() });

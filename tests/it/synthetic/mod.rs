@@ -1,4 +1,4 @@
-//! A planted model: random lobes, smooth over the grid, with energies and spectra of its own.
+//! A synthetic model: random lobes, smooth over the grid, with its own energies and spectra.
 #![allow(dead_code)]
 
 use plywave::ply::asg::PARAMS;
@@ -7,7 +7,7 @@ use plywave::table::{ExitPositions, OutgoingGrid, Table};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 
-/// Sizes of a planted model.
+/// Sizes of a synthetic model.
 #[derive(Clone, Copy)]
 pub struct Sizes {
     pub theta: usize,

@@ -1,7 +1,7 @@
 //! Problems of More, Garbow, Hillstrom (ACM TOMS 7, 1981) as sums of squared residuals, with gradients by
 //! forward dual numbers.
 //!
-//! The same residuals stand in `tests/data/scipy_lbfgsb.py`; the tests compare the two at every start.
+//! The same residuals are in `tests/data/scipy_lbfgsb.py`; the tests compare the two at every start.
 
 use std::cell::{Cell, RefCell};
 use std::ops::{Add, Div, Mul, Sub};
@@ -216,7 +216,7 @@ pub fn cost_gradient(residuals: Residuals, x: &[f64]) -> (f64, Vec<f64>) {
     (cost, gradient)
 }
 
-/// A problem that counts its evaluations and keeps the first point that lies outside its bounds.
+/// A problem that counts its evaluations and keeps the first point outside its bounds.
 pub struct Watched {
     pub residuals: Residuals,
     pub lower: Vec<f64>,

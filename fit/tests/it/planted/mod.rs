@@ -1,5 +1,5 @@
-//! Tables made from known lobes that drift smoothly over (theta_i, h), with Poisson noise of a known number
-//! of paths.
+//! Tables from known lobes that drift smoothly over (theta_i, h), with Poisson noise of a known number of
+//! paths.
 #![allow(dead_code)]
 
 use plywave::ply::asg::Lobe;
@@ -8,7 +8,7 @@ use plywave_fit::{PaddedSlice, Scratch, SphereGrid};
 use rand::{Rng, RngExt, SeedableRng};
 use std::f64::consts::PI;
 
-/// What to plant and on which axes.
+/// Plan of a planted table: its lobes and axes.
 #[derive(Clone, Debug)]
 pub struct Planted {
     pub rows: usize,
@@ -18,7 +18,7 @@ pub struct Planted {
     /// Paths per incidence; infinite for no noise.
     pub paths: f64,
     pub seed: u64,
-    /// How far all lobes are turned from where they are, as lobes of another twist are.
+    /// Turn of all lobes, as that of lobes of another twist.
     pub turn: f64,
 }
 

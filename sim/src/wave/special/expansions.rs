@@ -1,5 +1,5 @@
-//! Orders 0 and 1 by their power series about 0 and their asymptotic series, and between them the Hankel
-//! functions of the crate `complex-bessel`.
+//! Orders 0 and 1 by power series about 0, by asymptotic series, and between them by the Hankel functions of
+//! the crate `complex-bessel`.
 
 use super::C64;
 use std::f64::consts::{FRAC_2_PI, FRAC_PI_4};
@@ -14,7 +14,7 @@ const POWERS: usize = 10;
 pub(super) const POWERS_BELOW: f64 = 1.0;
 /// The asymptotic series serves above this |z|.
 pub(super) const ASYMPTOTIC_ABOVE: f64 = 50.0;
-/// Terms of the asymptotic series: the first left out is below 1e-17 there.
+/// Terms of the asymptotic series: the first omitted term is below 1e-17 there.
 pub(super) const ASYMPTOTIC: usize = 12;
 
 /// `J_0, J_1` and `H_0^(1), H_1^(1)` at one argument.

@@ -1,10 +1,10 @@
 //! Bessel and Hankel functions of integer order, of real and complex argument with Im z >= 0.
 //!
-//! Three needs, three tools:
+//! Interfaces:
 //! - [`cylinder01`], [`hankel01`], [`bessel01`]: orders 0 and 1 at any one argument;
-//! - [`Ray`], [`real01`]: the same many times over along one ray `z = k r` of the complex plane, ten times
+//! - [`Ray`], [`real01`]: the same for many arguments along one ray `z = k r` of the complex plane, ten times
 //!   faster;
-//! - [`Sequence`]: all orders 0..=n with exponents of their own, so that neither large orders nor lossy media
+//! - [`Sequence`]: all orders 0..=n with separate exponents, so that neither large orders nor lossy media
 //!   overflow.
 //!
 //! Power series below |z| = 1, asymptotic series above 50; between them H comes from the crate

@@ -1,4 +1,4 @@
-//! Orders 0 and 1 many times over along one ray `z = k r` of the complex plane: piecewise polynomials.
+//! Orders 0 and 1 for many arguments along one ray `z = k r` of the complex plane, by piecewise polynomials.
 
 use super::C64;
 use super::expansions::{
@@ -24,8 +24,8 @@ struct Piece {
 /// Hankel and Bessel functions of orders 0 and 1 along the ray `z = k r`, r > 0, of one complex k with Im k
 /// >= 0.
 ///
-/// With the exponential and the root taken out, the functions are smooth in r on every scale, so piecewise
-/// polynomials in |z| with four pieces an octave hold them to rounding. Building one takes about 1 ms.
+/// Without the exponential and the root, the functions are smooth in r on every scale, so piecewise
+/// polynomials in |z| with four pieces per octave represent them to rounding. Building one takes about 1 ms.
 pub struct Ray {
     k: C64,
     size: f64,

@@ -1,10 +1,9 @@
-//! Complex numbers with a binary exponent of their own: neither large orders nor lossy media make them
-//! overflow.
+//! Complex numbers with a separate binary exponent, which do not overflow for large orders or lossy media.
 
 use super::C64;
 use std::f64::consts::LN_2;
 
-/// A complex number with a binary exponent of its own: `mantissa * 2^exponent`.
+/// A complex number with a separate binary exponent: `mantissa * 2^exponent`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Scaled {
     /// Complex mantissa, of ordinary size.
@@ -19,14 +18,14 @@ impl Scaled {
     /// `exp(w)` of any size.
     pub fn exp(w: C64) -> Self {
         let exponent = (w.re / LN_2).round();
-        // 2^exponent taken out in two parts, so that no digit of w.re is lost.
+        // 2^exponent is removed in two parts, so that no digit of w.re is lost.
         const HIGH: f64 = 0.693_147_180_369_123_8;
         const LOW: f64 = 1.908_214_929_270_587_7e-10;
         let rest = (w.re - exponent * HIGH) - exponent * LOW;
         Self { mantissa: C64::from_polar(rest.exp(), w.im), exponent: exponent as i32 }
     }
 
-    /// The plain number: zero or infinite where it leaves the range of f64.
+    /// The plain number: zero or infinite beyond the range of f64.
     pub fn value(self) -> C64 {
         self.mantissa * power_of_two(self.exponent)
     }
@@ -49,7 +48,7 @@ impl std::ops::Mul for Scaled {
     }
 }
 
-/// 2^e, zero or infinite where it leaves the range of f64.
+/// 2^e, zero or infinite beyond the range of f64.
 pub fn power_of_two(e: i32) -> f64 {
     match e {
         -1022..=1023 => f64::from_bits(((e + 1023) as u64) << 52),

@@ -4,13 +4,13 @@ use super::C64;
 use super::expansions::{ASYMPTOTIC_ABOVE, I, POWERS_BELOW, bessel01_scaled, hankel01_scaled, power_series};
 use super::scaled::{Scaled, normal, power_of_two, size};
 
-/// `F_0(z), .., F_n(z)` of one kind, each with its own exponent: no order and no loss makes it overflow.
+/// `F_0(z), .., F_n(z)` of one kind, each with its own exponent, without overflow at any order or loss.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Sequence {
     values: Vec<Scaled>,
 }
 
-/// Mantissas are brought back to about 1 when they grow beyond this.
+/// Exponent beyond which mantissas are rescaled to about 1.
 const RESCALE: i32 = 200;
 
 impl Sequence {
@@ -84,7 +84,7 @@ impl Sequence {
 
 /// `2 m / z` for the recurrence `F_{m-1} + F_{m+1} = (2 m / z) F_m`.
 ///
-/// The rounding of 2/z is the same in each step and would add up to a phase of |z| roundings; with its
+/// The rounding of 2/z is the same in each step and would add up to a phase of |z| roundings. With its
 /// remainder, the steps' roundings are independent.
 struct Step {
     high: C64,
@@ -115,8 +115,8 @@ impl Step {
 /// `J_0, J_1, ..` into `values` by downward recurrence. A sum over all orders ties it to J, or the larger of
 /// J_0 and J_1 from their asymptotic series.
 ///
-/// (The crate's J is off by up to 6e-15 of its envelope near the real axis, and by a rounding of z at large
-/// |z|.)
+/// (The error of the crate's J is up to 6e-15 of its envelope near the real axis, and a rounding of z at
+/// large |z|.)
 pub(super) fn downward(z: C64, values: &mut [Scaled]) {
     let start = start_order(z, values.len() - 1);
     let step = Step::new(z);

@@ -1,4 +1,5 @@
-//! Truth: digits of an arbitrary-precision calculation, and Wronskians (DLMF 10.5.3) over the range in use.
+//! References: digits of an arbitrary-precision calculation, and Wronskians (DLMF 10.5.3) over the range in
+//! use.
 use super::expansions::I;
 use super::*;
 use std::f64::consts::PI;
@@ -157,7 +158,7 @@ fn rays_agree_with_the_crate() {
             }
             let (got, want) = (ray.cylinder01(r), cylinder01(z));
             let e = error(z, got, &[want.j[0], want.j[1], want.h[0], want.h[1]]);
-            // The crate's H_0 is off by up to 6e-15 about |z| = 2.
+            // The error of the crate's H_0 is up to 6e-15 about |z| = 2.
             let allowed = 5e-15 + allowed(z);
             worst = worst.max(e / allowed);
             assert!(e < allowed, "z {z}: error {e:e}");
