@@ -5,12 +5,12 @@
 //! the user guide.
 //!
 //! - Every function runs in `status::guard`: no panic leaves it, and a function that can fail returns a
-//! `PlywaveStatus`.
+//!   `PlywaveStatus`.
 //! - There is no global state. Handles are immutable, so threads share them without locks.
 //! - The border (`pointer`) checks the numbers of a call, because the library's `eval` and `sample` return 0
-//! for an invalid direction, and a host needs the error.
+//!   for an invalid direction, and a host needs the error.
 //! - One set of functions serves every prepared query (`bsdf`): a tag in the caller's memory holds the kind
-//! of model and the number of wavelengths.
+//!   of model and the number of wavelengths.
 
 mod bsdf;
 mod check;

@@ -6,10 +6,10 @@
 //! ply's. So energies have their own grids. They are stored as two quantities:
 //!
 //! - the missed share `r_d`. Along theta_i it is as sharp as along h where light is parallel to the leaning
-//! fibers of the rim: at `tan(theta_i) = pitch / (2 pi h)` the rim of one side opens, so its grid is fine in
-//! both;
+//!   fibers of the rim: at `tan(theta_i) = pitch / (2 pi h)` the rim of one side opens, so its grid is fine
+//!   in both;
 //! - the shares of the light that hits fibers, `q_refl` and the path-length spectrum `q_high`. Scattering by
-//! a fiber depends little on where the beam hits it, so these are smooth, and at sigma = 0 they sum to 1.
+//!   a fiber depends little on where the beam hits it, so these are smooth, and at sigma = 0 they sum to 1.
 //!
 //! Then `E_refl = (1 - r_d) q_refl`, `E_high = (1 - r_d) q_high`, and `r_d + E_refl + E_high = 1` holds at
 //! every incidence.
