@@ -17,9 +17,9 @@ if [ ! -x "$scratch/strands" ]; then
     echo "skipped: needs Embree and a C++ compiler (Debian: apt-get install libembree-dev g++)"
     exit 0
 fi
-cargo build --locked --release ${PLYWAVE_CARGO_SCOPE:--p plywave-render} --example strand_speed
+cargo build --locked --release ${PLYWAVE_CARGO_SCOPE:--p plywave-studies} --bin strand_speed
 for turn in 1 2; do
-    "${CARGO_TARGET_DIR:-target}/release/examples/strand_speed" "$scratch/curves.txt" "${1:-10000}" "${2:-300000}" | tee "$scratch/ours.$turn"
+    "${CARGO_TARGET_DIR:-target}/release/strand_speed" "$scratch/curves.txt" "${1:-10000}" "${2:-300000}" | tee "$scratch/ours.$turn"
     "$scratch/strands" "$scratch/curves.txt" "from all sides" "$scratch/sides.f32" "of a camera" "$scratch/camera.f32" | tee "$scratch/embree.$turn"
 done
 echo

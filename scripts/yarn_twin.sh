@@ -11,7 +11,7 @@ folder=${3:-target/yarn_twin}
 mkdir -p "$folder"
 
 cargo build --release --quiet -p plywave-cli
-cargo build --release --quiet -p plywave --example yarn_twin
+cargo build --release --quiet -p plywave-studies --bin yarn_twin
 
 # Polyester, with the packing of its 30 fibers. Angles in radians: 9 latitudes to 80 degrees, 3 to 40.
 spec() {
@@ -25,4 +25,4 @@ spec 3 0.6981317007977318 >"$folder/traced.toml"
 plywave=target/release/plywave
 "$plywave" simulate "$folder/one.toml" --paths $((paths / 2)) --resume -o "$folder/one.pwt"
 "$plywave" simulate "$folder/traced.toml" --plies traced --paths "$paths" --seed 2 --resume -o "$folder/traced$plies.pwt"
-target/release/examples/yarn_twin "$folder/one.pwt" "$folder/traced$plies.pwt"
+target/release/yarn_twin "$folder/one.pwt" "$folder/traced$plies.pwt"

@@ -1,6 +1,5 @@
-//! ci: build only
 //! Both families of lobes fitted to one table and compared with another of the same yarn and another seed:
-//! `cargo run --release -p plywave-fit --example lobe_families -- TABLE OTHER [preview|standard]
+//! `cargo run --release -p plywave-studies --bin lobe_families -- TABLE OTHER [preview|standard]
 //! [round|cone]`
 
 use plywave::ply::LobeKind;

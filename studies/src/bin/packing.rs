@@ -1,7 +1,6 @@
 //! Radial density of packed plies, probability to hit a fiber, and time per ply:
-//! `cargo run --release -p plywave-sim --example packing -- fabrics/*.toml`.
+//! `cargo run --release -p plywave-studies --bin packing -- fabrics/*.toml`.
 //!
-//! ci: build only
 
 use plywave::spec::{Packing, YarnSpec};
 use plywave_sim::PlySection;

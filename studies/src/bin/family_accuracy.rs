@@ -1,9 +1,7 @@
-//! ci: build only
-//!
 //! Accuracy of a family for held-out yarns: comparison with new simulations at random parameters.
 //!
 //! ```text
-//! cargo run --release -p plywave-pipeline --example family_accuracy -- FAMILY.pwfam [POINTS] [QUALITY] [PATHS]
+//! cargo run --release -p plywave-studies --bin family_accuracy -- FAMILY.pwfam [POINTS] [QUALITY] [PATHS]
 //! ```
 //!
 //! At each point the yarn is simulated twice, with the family's seed and with another. A direct fit of the

@@ -1,7 +1,6 @@
-//! ci: build only
 //! Errors of lobes fitted to single slices of a table, measured on an independent table of another seed.
 //!
-//! `cargo run --release -p plywave-fit --example slice_errors -- A.pwt B.pwt [lobes of f_high] [reference]`;
+//! `cargo run --release -p plywave-studies --bin slice_errors -- A.pwt B.pwt [lobes of f_high] [reference]`;
 //! the last word selects the reference fit's starts and iterations.
 
 use plywave::table::Table;

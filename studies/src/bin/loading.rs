@@ -2,9 +2,8 @@
 //! models, preparing the fabric, and the mean over its repeat (`FabricOptions::far`); then a digest that
 //! shows whether its tables equal those of another run bit by bit.
 //!
-//! `cargo run --release -p plywave --example loading [far] [FABRIC.toml ..]`, by default the shipped fabrics
-//! of filaments and of plies.
-//! ci: build only
+//! `cargo run --release -p plywave-studies --bin loading [far] [FABRIC.toml ..]`, by default
+//! the shipped fabrics of filaments and of plies.
 
 use plywave::FabricModel;
 use plywave::fabric::{FabricOptions, FabricSpec, Values};
@@ -50,7 +49,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let far = wanted.iter().any(|word| word == "far");
     wanted.retain(|word| word != "far");
     if wanted.is_empty() {
-        wanted = FABRICS.map(|name| format!("{}/fabrics/{name}.toml", env!("CARGO_MANIFEST_DIR"))).to_vec();
+        wanted = FABRICS.map(|name| format!("{}/../fabrics/{name}.toml", env!("CARGO_MANIFEST_DIR"))).to_vec();
     }
     println!(
         "fabric, read [s clock, s of all cores], made ready{}, tables",

@@ -1,5 +1,5 @@
 //! The figures and claims of Zinke and Weber 2007 in numbers:
-//! `cargo run --release -p plywave --example filaments [FOLDER]`; with a folder, curves as CSV too.
+//! `cargo run --release -p plywave-studies --bin filaments [FOLDER]`; with a folder, curves as CSV too.
 //! docs/explain/filaments.md has the results.
 
 use plywave::fiber::opaque::{lambertian, lambertian_by_zinke};

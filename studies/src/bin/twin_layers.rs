@@ -1,7 +1,7 @@
 //! Two straight layers of touching plies, one ply per yarn: reflectance and transmittance by path tracing of
 //! the explicit fibers.
 //!
-//!     cargo run --release -p plywave-sim --example twin_layers -- [PATHS] [POINTS] [untwisted]
+//!     cargo run --release -p plywave-studies --bin twin_layers -- [PATHS] [POINTS] [untwisted]
 
 use plywave::fabric::{Draft, Fabric, YarnShape};
 use plywave::spec::{Handedness, POLYESTER};

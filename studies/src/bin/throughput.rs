@@ -1,8 +1,7 @@
 //! Paths per second of a yarn's simulation, and its energies.
 //!
-//! `cargo run
-//! --release -p plywave-sim --example throughput -- [fabrics/NAME.toml] [threads] [preset] [paths per theta]
-//! [seed] [out.pwt]`
+//! `cargo run --release -p plywave-studies --bin throughput
+//! -- [fabrics/NAME.toml] [threads] [preset] [paths per theta] [seed] [out.pwt]`
 
 use plywave::spec::YarnSpec;
 use plywave_sim::{Run, SimOptions, simulate};

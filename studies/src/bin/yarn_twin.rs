@@ -1,11 +1,8 @@
-//! ci: build only
-//!
 //! Distance of the model of a yarn of several plies from the path-traced yarn, its brute-force reference, per
 //! incidence:
 //!
-//! `cargo run
-//! --release -p plywave --example yarn_twin -- ONE.pwt TRACED.pwt [largest |h/R|] [YARN.pwt, the last table
-//! to write]`
+//! `cargo run --release -p plywave-studies --bin yarn_twin
+//! -- ONE.pwt TRACED.pwt [largest |h/R|] [YARN.pwt, the last table to write]`
 //!
 //! ONE is a table of `plywave simulate SPEC`, TRACED of `plywave simulate SPEC --plies traced`, of the same
 //! bins and offsets (scripts/yarn_twin.sh computes both). Prints the relative L2 distance of f_high and

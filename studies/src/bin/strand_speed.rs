@@ -1,9 +1,7 @@
 //! Times of strands: the BVH over 10 000 B-spline strands of 100 segments, and its rays on one thread, near
 //! and far, as tubes and bands.
 //!
-//! ci: build only
-//!
-//! `cargo run --release -p plywave-render --example strand_speed [curves.txt [count [rays]]]`; with a path,
+//! `cargo run --release -p plywave-studies --bin strand_speed [curves.txt [count [rays]]]`; with a path,
 //! the strands are written there as Mitsuba's curve text, and the rays from all sides and those of a camera
 //! beside it as `sides.f32` and `camera.f32` (six 32-bit floats a ray), to be traced by others:
 //! `scripts/embree_strands.sh`.

@@ -1,7 +1,6 @@
-//! ci: build only
 //! Errors of whole models with other numbers of lobes, measured on an independent table of another seed.
 //!
-//! `cargo run --release -p plywave-fit --example block_errors -- A.pwt B.pwt 8 12 16`
+//! `cargo run --release -p plywave-studies --bin block_errors -- A.pwt B.pwt 8 12 16`
 
 use plywave::table::Table;
 use plywave_fit::{FitOptions, errors, fit};

@@ -1,6 +1,6 @@
 //! Time of one call of the special functions [ns], of the crate and of rays.
 //!
-//! `cargo run --release -p plywave-sim --example special_speed`
+//! `cargo run --release -p plywave-studies --bin special_speed`
 
 use plywave_sim::wave::C64;
 use plywave_sim::wave::special::{Ray, Sequence, cylinder01, hankel01, real01};

@@ -2,7 +2,7 @@
 //! fiber (Fig. 11-12), pairs of fibers (Fig. 18); and maps of scattering over phi_i and phi_r in color (Fig.
 //! 6 and the last row of Fig. 4).
 //!
-//! `cargo run --release -p plywave-sim --example xia` prints the numbers of circles; `-- ellipses` prints
+//! `cargo run --release -p plywave-studies --bin xia` prints the numbers of circles; `-- ellipses` prints
 //! those of ellipses, which take minutes; `-- maps FOLDER` writes the maps as PNG.
 
 use plywave::fiber::{DielectricFiber, DielectricParameters};

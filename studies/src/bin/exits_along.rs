@@ -3,7 +3,7 @@
 //! axis and towards the light's side. Clear fibers and, by weight, fibers of 0.003 per um; without light that
 //! was reflected only once.
 //!
-//! `cargo run --release -p plywave-sim --example exits_along -- [paths a latitude] [fabrics/NAME.toml ..]`
+//! `cargo run --release -p plywave-studies --bin exits_along -- [paths a latitude] [fabrics/NAME.toml ..]`
 
 use nalgebra::Vector3;
 use plywave::spec::YarnSpec;
