@@ -1,7 +1,7 @@
-//! The library of ply models, with the shipped models ([`plywave_fabrics`]).
+//! The library of ply models, with the shipped models ([`plywave_models`]).
 
 use plywave::io::ModelLibrary;
-pub use plywave_fabrics::MODELS as SHIPPED_MODELS;
+pub use plywave_models::MODELS as SHIPPED_MODELS;
 
 /// [`ModelLibrary::usual`] with the shipped models.
 pub fn model_library() -> ModelLibrary {

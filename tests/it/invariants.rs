@@ -48,7 +48,7 @@ fn crates_depend_on_those_below() {
         ("fit/Cargo.toml", &["plywave"]),
         ("render/Cargo.toml", &["plywave"]),
         ("capi/Cargo.toml", &["plywave"]),
-        ("pipeline/Cargo.toml", &["plywave", "plywave-fabrics", "plywave-fit", "plywave-sim"]),
+        ("pipeline/Cargo.toml", &["plywave", "plywave-fit", "plywave-models", "plywave-sim"]),
         ("cli/Cargo.toml", &["plywave", "plywave-fit", "plywave-pipeline", "plywave-render", "plywave-sim"]),
         ("python/Cargo.toml", &["plywave", "plywave-fit", "plywave-pipeline", "plywave-sim"]),
     ];

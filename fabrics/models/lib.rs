@@ -4,7 +4,7 @@
 /// A list of models by the names of their files.
 macro_rules! models {
     ($($name:literal),* $(,)?) => {
-        &[$(($name, include_bytes!(concat!("models/", $name, ".pwm")))),*]
+        &[$(($name, include_bytes!(concat!($name, ".pwm")))),*]
     };
 }
 
