@@ -3,6 +3,9 @@
 use super::{C64, Polarization, Wave, WaveError};
 use std::f64::consts::PI;
 
+/// Largest waist and offset of a beam [um], as in scenes.
+const MAX_BEAM_UM: f64 = 1e5;
+
 /// A Gaussian beam focused on the fibers (Yu 2025, 4.2): amplitude `exp(-s^2 / w0^2)` across, unlimited along
 /// z.
 ///
@@ -60,18 +63,26 @@ impl Source {
     /// wavenumber q; q is sampled so finely that the beam's periodic images stay clear of the scene.
     ///
     /// # Errors
-    /// [`WaveError::Invalid`] for a waist so narrow that its spectrum does not fit in the propagating waves.
+    /// [`WaveError::Invalid`] for a waist so narrow that its spectrum does not fit in the propagating waves, and for
+    /// a waist or an offset beyond 1e5 um.
     pub fn plane_waves(&self, wave: &Wave, extent_um: f64) -> Result<Vec<PlaneWave>, WaveError> {
         let Some(beam) = self.beam else {
             return Ok(vec![PlaneWave { phi_i: self.phi_i, amplitude: C64::new(1.0, 0.0) }]);
         };
         let k_rho = wave.k_rho();
         let least = 2.0 * (-EVANESCENT.ln()).sqrt() / k_rho;
-        if !(beam.w0_um >= least && beam.w0_um.is_finite() && beam.h_um.is_finite()) {
+        if !(least..=MAX_BEAM_UM).contains(&beam.w0_um) {
             return Err(WaveError::Invalid {
                 key: "beam.w0_um".into(),
                 value: beam.w0_um.to_string(),
-                hint: format!("use {least:.3} or more at this wavelength and latitude"),
+                hint: format!("use {least:.3} to {MAX_BEAM_UM} at this wavelength and latitude"),
+            });
+        }
+        if !(-MAX_BEAM_UM..=MAX_BEAM_UM).contains(&beam.h_um) {
+            return Err(WaveError::Invalid {
+                key: "beam.h_um".into(),
+                value: beam.h_um.to_string(),
+                hint: format!("use -{MAX_BEAM_UM} to {MAX_BEAM_UM}"),
             });
         }
         // exp(-w0^2 q^2 / 4) is below 1e-16 at q = 12.2 / w0. Beside the beam, q may be sampled as if it had
@@ -137,6 +148,17 @@ mod tests {
         for (x, y) in [(50.0, 0.0), (0.0, 50.0), (-35.0, 35.0), (-35.0, -35.0), (10.0, -45.0)] {
             let (a, b) = (field(&near, wave.k_rho(), x, y), field(&far, wave.k_rho(), x, y));
             assert!((a - b).norm() < 1e-9, "({x}, {y}): {a} against {b}");
+        }
+    }
+
+    #[test]
+    fn endless_waists_and_offsets_are_refused() {
+        for (w0_um, h_um, key) in
+            [(1e308, 0.0, "beam.w0_um"), (f64::NAN, 0.0, "beam.w0_um"), (10.0, -1e300, "beam.h_um")]
+        {
+            let source = Source { phi_i: 0.0, pol: Polarization::Tm, beam: Some(BeamSource { w0_um, h_um }) };
+            let error = source.plane_waves(&Wave { lambda_um: 0.5, theta_i: 0.0 }, 10.0).unwrap_err().to_string();
+            assert!(error.contains(key), "{error}");
         }
     }
 
