@@ -152,6 +152,9 @@ fn models_in_lines_are_models() {
     let mut count = 0;
     for entry in std::fs::read_dir(folder).unwrap() {
         let path = entry.unwrap().path();
+        if path.extension().is_none_or(|e| e != "pwm") {
+            continue;
+        }
         let lines = PlyModel::load(&path).unwrap().of_lines().unwrap();
         let bytes = lines.data().to_bytes().unwrap_or_else(|e| panic!("{e}"));
         PlyModel::from_bytes(&bytes, "lines").unwrap_or_else(|e| panic!("{}: {e}", path.display()));
