@@ -9,7 +9,7 @@ __all__ = [
     "ply_radius_um",
     "ply_terms",
     "speckle_factors",
-    "MOST_CHANNELS",
+    "MAX_CHANNELS",
     "RGB_LAMBDA_UM",
     "__version__",
     "Error",
@@ -46,7 +46,7 @@ __all__ = [
 ]
 
 __version__: str
-MOST_CHANNELS: int
+MAX_CHANNELS: int
 RGB_LAMBDA_UM: List[float]
 
 class Error(ValueError): ...
