@@ -63,8 +63,8 @@ impl Source {
     /// wavenumber q; q is sampled so finely that the beam's periodic images stay clear of the scene.
     ///
     /// # Errors
-    /// [`WaveError::Invalid`] for a waist so narrow that its spectrum does not fit in the propagating waves, and for
-    /// a waist or an offset beyond 1e5 um.
+    /// [`WaveError::Invalid`] for a waist so narrow that its spectrum does not fit in the propagating waves,
+    /// and for a waist or an offset beyond 1e5 um.
     pub fn plane_waves(&self, wave: &Wave, extent_um: f64) -> Result<Vec<PlaneWave>, WaveError> {
         let Some(beam) = self.beam else {
             return Ok(vec![PlaneWave { phi_i: self.phi_i, amplitude: C64::new(1.0, 0.0) }]);
