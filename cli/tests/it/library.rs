@@ -106,7 +106,7 @@ fn names_are_looked_up_in_order() {
             "NAME.pwm",
         ],
     );
-    refused(dir, &[&with[..], &["--models", "nowhere"]].concat(), &["--models = nowhere", "no folder"]);
+    refused(dir, &[&with[..], &["--models", "nowhere"]].concat(), &["--models = nowhere", "not a folder"]);
     put(&beside, "polyester", "mine");
     let json_of = json(&succeed(dir, &["weave", "beside/cloth.toml", "--json", "-o", "sheet"]));
     assert!(json_of.is_object());
