@@ -338,7 +338,7 @@ impl FabricModel {
     }
 
     /// Brightness of the cloth over the absorption of its fibers, in the meaning that the spec gives to
-    /// colors: what a color asked for is a color of. Of a spec without colors, under a sky all round.
+    /// colors: the light that a color describes. Of a spec without colors, under a sky all round.
     pub fn color_curve(&self) -> &AlbedoCurve {
         &self.curve
     }

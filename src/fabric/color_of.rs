@@ -1,4 +1,4 @@
-//! What a color asked for is a color of, and the cloth's brightness over the absorption of its fibers in each
+//! The light that a color describes, and the cloth's brightness over the absorption of its fibers in each
 //! of these meanings.
 //!
 //! All are of a cloth whose yarns all have the same absorption, at nodes of it:
@@ -20,7 +20,7 @@ use crate::bsdf::DirectionSample;
 use crate::color::AlbedoCurve;
 use serde::{Deserialize, Serialize};
 
-/// What a color asked for is a color of. In each meaning all yarns count as if they had it.
+/// Light that a color describes. In each meaning all yarns count as if they had it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum ColorOf {

@@ -50,6 +50,14 @@ pub struct Panel {
     pub h: i32,
 }
 
+impl Panel {
+    /// Its outline, grown by `out` on each side.
+    fn outline(self, out: f64) -> Path {
+        let [x, y, w, h] = [self.x, self.y, self.w, self.h].map(f64::from);
+        Path::rectangle([x - out, y - out], [x + w + out, y + h + out])
+    }
+}
+
 /// How a path is painted.
 #[derive(Clone, Copy, Debug)]
 enum Style {
@@ -122,12 +130,12 @@ impl Figure {
 
     /// Fills a rectangle.
     pub fn fill(&mut self, at: Panel, color: Rgb) {
-        self.draw(Path::rectangle(at, 0.0), Style::Fill { opacity: 1.0 }, color);
+        self.draw(at.outline(0.0), Style::Fill { opacity: 1.0 }, color);
     }
 
     /// Frame of one unit around a rectangle.
     pub fn frame(&mut self, at: Panel, color: Rgb) {
-        self.draw(Path::rectangle(at, 0.5), Style::Stroke { width: 1.0, dash: 0.0 }, color);
+        self.draw(at.outline(0.5), Style::Stroke { width: 1.0, dash: 0.0 }, color);
     }
 
     /// A straight line; dashed where `dash` is above 0.

@@ -1,6 +1,5 @@
 //! Paths of a figure: lines and curves, as the data of an SVG path or as an outline to paint.
 
-use super::figure::Panel;
 use std::fmt::Write;
 use tiny_skia::PathBuilder;
 use ttf_parser::OutlineBuilder;
@@ -30,7 +29,7 @@ impl Transform {
     /// No change.
     pub const NONE: Transform = Transform { shift: [0.0; 2], scale: 1.0, upwards: false };
 
-    fn of_point(&self, [x, y]: [f64; 2]) -> [f64; 2] {
+    fn apply(&self, [x, y]: [f64; 2]) -> [f64; 2] {
         let [x, y] = if self.upwards { [y, -x] } else { [x, y] };
         [self.shift[0] + self.scale * x, self.shift[1] + self.scale * y]
     }
@@ -53,10 +52,8 @@ impl Path {
         self
     }
 
-    /// A rectangle, grown by `out` on each side.
-    pub fn rectangle(at: Panel, out: f64) -> Path {
-        let [x, y, w, h] = [at.x, at.y, at.w, at.h].map(f64::from);
-        let (left, right, top, bottom) = (x - out, x + w + out, y - out, y + h + out);
+    /// A rectangle between two corners.
+    pub fn rectangle([left, top]: [f64; 2], [right, bottom]: [f64; 2]) -> Path {
         Path::lines([[left, top], [right, top], [right, bottom], [left, bottom]]).closed()
     }
 
@@ -77,10 +74,10 @@ impl Path {
     /// The path moved.
     pub fn transformed(&self, by: &Transform) -> Path {
         let steps = self.0.iter().map(|step| match step {
-            Step::Move(p) => Step::Move(by.of_point(*p)),
-            Step::Line(p) => Step::Line(by.of_point(*p)),
-            Step::Quadratic(p) => Step::Quadratic(p.map(|p| by.of_point(p))),
-            Step::Cubic(p) => Step::Cubic(p.map(|p| by.of_point(p))),
+            Step::Move(p) => Step::Move(by.apply(*p)),
+            Step::Line(p) => Step::Line(by.apply(*p)),
+            Step::Quadratic(p) => Step::Quadratic(p.map(|p| by.apply(p))),
+            Step::Cubic(p) => Step::Cubic(p.map(|p| by.apply(p))),
             Step::Close => Step::Close,
         });
         Path(steps.collect())

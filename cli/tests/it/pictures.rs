@@ -228,8 +228,8 @@ fn models_without_speckle_are_told() {
 
 /// Slits by a flag are those of the spec's keys; they change the picture, and what cannot be is refused.
 #[test]
-#[ignore = "slow: 10 s: slits are asked for by flag or spec"]
-fn slits_are_asked_for_by_flag_or_spec() {
+#[ignore = "slow: 10 s: slits come by flag or spec"]
+fn slits_come_by_flag_or_spec() {
     let folder = folder();
     let dir = folder.path();
     let spec = std::fs::read_to_string(dir.join("cloth.toml")).unwrap();
