@@ -46,6 +46,7 @@ pub use layers::Layer;
 pub use load::{LoadedFabric, USUAL_LEAN_DEG};
 #[doc(hidden)]
 pub use rules::FABRIC_RULES;
+pub(crate) use rules::{WEAVES, check_weave};
 pub use spec::{FabricSpec, WeaveSpec, YarnColor, YarnOfFabric};
 pub use tensors::{Tensor, Values};
 pub use uv::UvMap;

@@ -9,6 +9,7 @@
 
 pub mod bsdf;
 pub mod check;
+pub mod cloth;
 pub mod color;
 mod error;
 pub mod fabric;

@@ -104,6 +104,12 @@ impl Draft {
         layers
     }
 
+    /// What is to be said of a draft that falls apart into layers; `None` for one that hangs together.
+    pub fn layers_note(&self) -> Option<String> {
+        let numbers = [self.ends(), self.picks()].map(|n| (0..n).collect());
+        Layer::note(&self.layers_apart(), &numbers)
+    }
+
     /// Takes yarns that are above, or below, all others that are kept out of those that are kept, until there
     /// is none. `is_kept` are those of ends and picks. What comes back are family, index and whether it is
     /// above, in the order in which they went.

@@ -1,6 +1,5 @@
 //! Reading of fabric specs: from files, from memory, or of models that the host has loaded already.
 
-use super::layers::Layer;
 use super::rules::{FABRIC_RULES, SPACING_UM, check_alike, check_model, check_relations};
 use super::spec::{FabricSpec, WeaveSpec, YarnColor, YarnOfFabric};
 use super::wif::{self, Wif, WifNote, WifNoteKind, WifSpacing};
@@ -150,11 +149,7 @@ impl LoadedFabric {
     pub fn notes(&self) -> Vec<String> {
         let mut notes: Vec<String> = match &self.spec.weave {
             WeaveSpec::Wif { file } => self.wif_notes.iter().map(|note| format!("{file}: {note}")).collect(),
-            WeaveSpec::Draft { .. } => {
-                let draft = self.fabric.draft();
-                let numbers = [draft.ends(), draft.picks()].map(|n| (0..n).collect());
-                Layer::note(&draft.layers_apart(), &numbers).into_iter().collect()
-            }
+            WeaveSpec::Draft { .. } => self.fabric.draft().layers_note().into_iter().collect(),
             _ => Vec::new(),
         };
         let mut add = |note: String| {

@@ -49,7 +49,7 @@ const YARN: &[Key] = &[
 pub(super) const SPACING_UM: [f64; 2] = [10.0, 1e5];
 
 /// Keys of each `weave.kind`, besides `kind`.
-const WEAVES: &[(&str, &[Key])] = &[
+pub const WEAVES: &[(&str, &[Key])] = &[
     ("plain", &[]),
     ("twill", &[required("up", Kind::Integer(1, THREADS / 2)), required("down", Kind::Integer(1, THREADS / 2))]),
     ("satin", &[required("n", Kind::Integer(5, THREADS)), required("step", Kind::Integer(2, THREADS))]),
@@ -82,9 +82,9 @@ fn check_rows(file: &str, key: &str, value: &Value) -> Result<()> {
     Ok(())
 }
 
-/// What must hold between keys.
-pub(super) fn check_relations(file: &str, spec: &FabricSpec) -> Result<()> {
-    if let WeaveSpec::Satin { n, step } = spec.weave
+/// What must hold between the keys of a weave.
+pub fn check_weave(file: &str, weave: &WeaveSpec) -> Result<()> {
+    if let WeaveSpec::Satin { n, step } = *weave
         && Draft::satin(n, step).is_none()
     {
         let good: Vec<usize> = (2..n.saturating_sub(1)).filter(|&s| Draft::satin(n, s).is_some()).take(12).collect();
@@ -97,7 +97,7 @@ pub(super) fn check_relations(file: &str, spec: &FabricSpec) -> Result<()> {
         };
         return Err(invalid(file, "weave.step", step, hint));
     }
-    match (spec.weave.draft(), &spec.weave) {
+    match (weave.draft(), weave) {
         (Some(draft), WeaveSpec::Draft { .. }) => check_bound(file, &draft)?,
         (None, WeaveSpec::Wif { .. }) | (Some(_), _) => {}
         (None, _) => {
@@ -105,6 +105,12 @@ pub(super) fn check_relations(file: &str, spec: &FabricSpec) -> Result<()> {
             return Err(invalid(file, "weave.kind", "a weave without draft", hint));
         }
     }
+    Ok(())
+}
+
+/// What must hold between keys.
+pub(super) fn check_relations(file: &str, spec: &FabricSpec) -> Result<()> {
+    check_weave(file, &spec.weave)?;
     for family in YarnSet::EACH {
         let (name, yarn) = (family.name(), spec.yarn(family));
         check_stripes(file, name, yarn)?;

@@ -1,0 +1,600 @@
+//! Lines through a cloth of curves: which plies a line hits, in order.
+//!
+//! Curves are cut into pieces of some 1.5 R, each with a capsule about its chord. A grid over the cell
+//! lists, for each bucket, the capsules whose plies reach into it. A line walks from bucket to bucket; in
+//! each it finds its distance to all chords there, in lanes. What is near enough is refined on the spline
+//! by Newton's steps on `(p(u) - x - t w) . p'(u) = 0`. A chord counts in the bucket in which the line is
+//! nearest to it, a place on a curve in the piece that holds it: each hit is found once.
+
+use super::{ClothCurves, Lattice};
+use crate::Result;
+use crate::math::simd::{max, min};
+use crate::math::vec3::{cross, dot};
+use crate::spec::rules::invalid;
+use multiversion::multiversion;
+
+/// Length of a piece over its radius.
+const PIECE: f64 = 1.5;
+/// Side of a bucket over the mean radius.
+const BUCKET: f64 = 1.5;
+/// Chords that are tested at once.
+const LANES: usize = 8;
+/// Most hits of a line that are kept: the nearest.
+pub const MAX_HITS: usize = 48;
+/// Buckets that a line walks through at most: what grazes for longer counts as gone.
+const MAX_STEPS: usize = 4096;
+/// Most steps of Newton's method, and the step over a piece's length at which it ends, and beyond which its
+/// last place is none. Lines across a curve take two, lines along one more.
+const ROUNDS: usize = 8;
+const CLOSE: f32 = 1e-3;
+const AWAY: f32 = 0.05;
+/// Squared sine of a line's angle to a curve below which its way in the ply counts as no longer: by then
+/// the curve has bent away.
+const MIN_SINE2: f32 = 0.01;
+/// Most buckets of a cell.
+const MAX_BUCKETS: f64 = 65_536.0;
+/// Most pieces of a cloth.
+const MAX_PIECES: f64 = 5e5;
+
+/// A ply that a line hits.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct LineHit {
+    /// Curve, and the cell of its image.
+    pub curve: u32,
+    /// Cell of the image, in vectors.
+    pub cells: [i32; 2],
+    /// Parameter of the curve where the line is nearest to it.
+    pub parameter: f32,
+    /// Way along the line to that place, and to the wall of the ply [um].
+    pub nearest_um: f32,
+    /// Way to the point at which the line enters the ply's wall [um].
+    pub enter_um: f32,
+    /// Signed distance of the line from the axis [um], positive where the axis lies along `w cross tangent`
+    /// from the line.
+    pub h_um: f32,
+    /// Unit tangent of the curve.
+    pub tangent: [f32; 3],
+    /// Place of the axis relative to the line's start [um].
+    pub center_um: [f32; 3],
+    /// Curvature vector [1/um], at right angles to the tangent.
+    pub bend_per_um: [f32; 3],
+    /// Radius of the ply [um].
+    pub radius_um: f32,
+}
+
+/// Hits of a line by the way to their walls.
+#[derive(Clone, Debug)]
+pub struct LineHits {
+    all: [LineHit; MAX_HITS],
+    count: usize,
+}
+
+impl Default for LineHits {
+    fn default() -> Self {
+        LineHits { all: [LineHit::default(); MAX_HITS], count: 0 }
+    }
+}
+
+impl LineHits {
+    /// The hits, nearest first.
+    pub fn as_slice(&self) -> &[LineHit] {
+        &self.all[..self.count]
+    }
+
+    #[inline]
+    fn add(&mut self, hit: LineHit) {
+        let mut at = self.count.min(MAX_HITS - 1);
+        if self.count == MAX_HITS && hit.enter_um >= self.all[at].enter_um {
+            return;
+        }
+        while at > 0 && self.all[at - 1].enter_um > hit.enter_um {
+            self.all[at] = self.all[at - 1];
+            at -= 1;
+        }
+        self.all[at] = hit;
+        self.count = (self.count + 1).min(MAX_HITS);
+    }
+}
+
+/// Chords of a bucket, relative to the corner of its cell.
+#[derive(Clone, Copy, Debug)]
+struct Block {
+    from: [[f32; LANES]; 3],
+    to: [[f32; LANES]; 3],
+    /// Square of the distance within which a line may hit; negative in empty lanes.
+    reach2: [f32; LANES],
+    piece: [u32; LANES],
+    /// Cells by which the piece is moved.
+    cells: [[i16; 2]; LANES],
+}
+
+/// A piece of a curve: from one parameter to the next.
+#[derive(Clone, Copy, Debug)]
+struct Piece {
+    curve: u32,
+    from: f32,
+    to: f32,
+}
+
+/// A curve: control points with one before and two after, so that each span has its four.
+#[derive(Clone, Debug)]
+struct Spline {
+    control: Vec<[f32; 3]>,
+    radius: f32,
+}
+
+/// A cloth of curves, ready for lines.
+#[derive(Clone, Debug)]
+pub struct ClothLines {
+    cell: [[f32; 2]; 2],
+    inverse: [[f32; 2]; 2],
+    counts: [i32; 2],
+    first: Vec<u32>,
+    blocks: Vec<Block>,
+    pieces: Vec<Piece>,
+    splines: Vec<Spline>,
+    half_thickness_um: f32,
+}
+
+impl ClothLines {
+    /// Of a cloth.
+    ///
+    /// # Errors
+    /// As [`ClothCurves::check`], and [`crate::Error::Invalid`] for curves that are millions of radii long.
+    pub fn new(cloth: &ClothCurves) -> Result<ClothLines> {
+        cloth.check("cloth")?;
+        let lattice = cloth.lattice("cloth")?;
+        let mean = cloth.curves.iter().map(|c| c.radius_um).sum::<f64>() / cloth.curves.len() as f64;
+        let thickest = cloth.curves.iter().map(|c| c.radius_um).fold(0.0, f64::max);
+        let lengths: Vec<f64> = cloth.curves.iter().map(|c| c.length_um(&lattice)).collect();
+        let whole: f64 = lengths.iter().zip(&cloth.curves).map(|(l, c)| 1.0 + l / (PIECE * c.radius_um)).sum();
+        if whole > MAX_PIECES {
+            let hint = format!("use thicker or shorter curves: they have {whole:.1e} pieces, {MAX_PIECES:.0e} at most");
+            return Err(invalid("cloth", "curve.radius_um", format!("{mean:.3}"), hint));
+        }
+        // No more buckets than a cell of many yarns needs, nor than thick plies do.
+        let side = (BUCKET * mean).max(0.5 * thickest).max((lattice.area_um2() / MAX_BUCKETS).sqrt());
+        let widths = lattice.widths_um();
+        let counts = widths.map(|w| ((w / side).round() as i32).max(1));
+        let mut lists: Vec<Vec<(u32, [i32; 2])>> = vec![Vec::new(); (counts[0] * counts[1]) as usize];
+        let (mut pieces, mut chords) = (Vec::new(), Vec::new());
+        let mut half = 0.0f64;
+        for (index, curve) in cloth.curves.iter().enumerate() {
+            let knots = curve.control_um.len() as f64;
+            let count = (lengths[index] / (PIECE * curve.radius_um)).ceil().max(1.0);
+            for k in 0..count as usize {
+                let [u, v] = [k, k + 1].map(|k| k as f64 * knots / count);
+                let [p, q] = [u, v].map(|u| curve.at(&lattice, u).point_um);
+                // How far the curve leaves its chord.
+                let sag = (1..8)
+                    .map(|i| {
+                        let t = f64::from(i) / 8.0;
+                        let at = curve.at(&lattice, u + t * (v - u)).point_um;
+                        let off: [f64; 3] = std::array::from_fn(|k| at[k] - p[k] - t * (q[k] - p[k]));
+                        dot(off, off).sqrt()
+                    })
+                    .fold(0.0, f64::max);
+                let reach = curve.radius_um + 1.05 * sag + 1e-3 * curve.radius_um;
+                half = half.max(p[2].abs() + reach);
+                let piece = pieces.len() as u32;
+                pieces.push(Piece { curve: index as u32, from: u as f32, to: v as f32 });
+                chords.push((p, q, reach));
+                for (bucket, cells) in buckets(&lattice, counts, [p, q], reach) {
+                    lists[bucket].push((piece, cells));
+                }
+            }
+        }
+        let (mut first, mut blocks) = (vec![0], Vec::new());
+        for list in &lists {
+            for chunk in list.chunks(LANES) {
+                let mut block = Block {
+                    from: [[0.0; LANES]; 3],
+                    to: [[1.0; LANES]; 3],
+                    reach2: [-1.0; LANES],
+                    piece: [0; LANES],
+                    cells: [[0; 2]; LANES],
+                };
+                for (lane, (piece, cells)) in chunk.iter().enumerate() {
+                    let (p, q, reach) = chords[*piece as usize];
+                    let by = lattice.vector(*cells);
+                    for k in 0..3 {
+                        let move_by = if k < 2 { by[k] } else { 0.0 };
+                        block.from[k][lane] = (p[k] + move_by) as f32;
+                        block.to[k][lane] = (q[k] - p[k]) as f32;
+                    }
+                    block.reach2[lane] = (reach * reach) as f32;
+                    block.piece[lane] = *piece;
+                    block.cells[lane] = cells.map(|c| c as i16);
+                }
+                blocks.push(block);
+            }
+            first.push(blocks.len() as u32);
+        }
+        let splines = cloth.curves.iter().map(|curve| {
+            let n = curve.control_um.len();
+            let way = lattice.vector(curve.shift);
+            let control = (0..n + 3).map(|i| {
+                let at = i as i64 - 1;
+                let turns = at.div_euclid(n as i64) as f64;
+                let p = curve.control_um[at.rem_euclid(n as i64) as usize];
+                [(p[0] + turns * way[0]) as f32, (p[1] + turns * way[1]) as f32, p[2] as f32]
+            });
+            Spline { control: control.collect(), radius: curve.radius_um as f32 }
+        });
+        let unit = [[1.0, 0.0], [0.0, 1.0]].map(|e| lattice.fractions(e[0], e[1]));
+        Ok(ClothLines {
+            cell: lattice.cell_um.map(|v| v.map(|v| v as f32)),
+            inverse: [0, 1].map(|k| [unit[0][k] as f32, unit[1][k] as f32]),
+            counts,
+            first,
+            blocks,
+            pieces,
+            splines: splines.collect(),
+            half_thickness_um: half as f32,
+        })
+    }
+
+    /// Height above which there is no ply [um].
+    pub fn half_thickness_um(&self) -> f32 {
+        self.half_thickness_um
+    }
+
+    /// Bytes of memory.
+    pub fn memory_bytes(&self) -> usize {
+        size_of_val(self.first.as_slice())
+            + size_of_val(self.blocks.as_slice())
+            + size_of_val(self.pieces.as_slice())
+            + self.splines.iter().map(|s| size_of_val(s.control.as_slice())).sum::<usize>()
+    }
+
+    /// The plies that the line from `from` [um] in direction `w` (unit) hits before it leaves the cloth, by
+    /// the way to their walls; `hits` is emptied first. A ply within which the line starts counts if the
+    /// line is nearest to its axis further on.
+    pub fn hits(&self, from: [f32; 3], w: [f32; 3], hits: &mut LineHits) {
+        walk(self, from, w, hits);
+    }
+}
+
+/// Buckets that a dilated chord reaches into, each with the cells by which the chord is moved to be there.
+fn buckets(lattice: &Lattice, counts: [i32; 2], [p, q]: [[f64; 3]; 2], reach: f64) -> Vec<(usize, [i32; 2])> {
+    let widths = lattice.widths_um();
+    let [f, g] = [p, q].map(|p| lattice.fractions(p[0], p[1]));
+    let range = [0, 1].map(|k| {
+        let pad = reach / widths[k];
+        let per = f64::from(counts[k]);
+        [((f[k].min(g[k]) - pad) * per).floor() as i32, ((f[k].max(g[k]) + pad) * per).floor() as i32]
+    });
+    // Of the buckets in the range, those whose middle is near enough to the chord in the plane.
+    let [a, b] = lattice.cell_um;
+    let [x, y] = [0, 1].map(|k| [a[k] / f64::from(counts[0]), b[k] / f64::from(counts[1])]);
+    let diagonal = 0.5 * (x[0] + x[1]).hypot(y[0] + y[1]).max((x[0] - x[1]).hypot(y[0] - y[1]));
+    let mut all = Vec::new();
+    for i in range[0][0]..=range[0][1] {
+        for j in range[1][0]..=range[1][1] {
+            let [s, t] = [(i, counts[0]), (j, counts[1])].map(|(i, n)| (f64::from(i) + 0.5) / f64::from(n));
+            let m = [s * a[0] + t * b[0] - p[0], s * a[1] + t * b[1] - p[1]];
+            let d = [q[0] - p[0], q[1] - p[1]];
+            let along = ((m[0] * d[0] + m[1] * d[1]) / (d[0] * d[0] + d[1] * d[1]).max(1e-12)).clamp(0.0, 1.0);
+            if (m[0] - along * d[0]).hypot(m[1] - along * d[1]) > reach + diagonal {
+                continue;
+            }
+            let bucket = i.rem_euclid(counts[0]) * counts[1] + j.rem_euclid(counts[1]);
+            all.push((bucket as usize, [-i.div_euclid(counts[0]), -j.div_euclid(counts[1])]));
+        }
+    }
+    all
+}
+
+#[multiversion(targets(
+    "x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+avx2+bmi1+bmi2+fma",
+    "x86_64+avx2+bmi1+bmi2+fma"
+))]
+fn walk(cloth: &ClothLines, from: [f32; 3], w: [f32; 3], hits: &mut LineHits) {
+    hits.count = 0;
+    // The way until the line has left the cloth, and the way to where it comes in.
+    let half = cloth.half_thickness_um;
+    let per_z = 1.0 / if w[2].abs() < 1e-6 { 1e-6f32.copysign(w[2]) } else { w[2] };
+    let (near, far) = ((-half - from[2]) * per_z, (half - from[2]) * per_z);
+    let (begin, end) = (max(min(near, far), 0.0), max(near, far));
+    if end <= begin || !(end.is_finite() && begin.is_finite()) {
+        return;
+    }
+    // Fractions of the cell along the line.
+    let rate = cloth.inverse.map(|row| row[0] * w[0] + row[1] * w[1]);
+    let start = cloth.inverse.map(|row| row[0] * from[0] + row[1] * from[1]);
+    let counts = cloth.counts.map(|n| n as f32);
+    let mut bucket = [0, 1].map(|k| ((start[k] + begin * rate[k]) * counts[k]).floor() as i32);
+    let step = rate.map(|r| if r < 0.0 { -1 } else { 1 });
+    let per_rate = rate.map(|r| if r.abs() < 1e-12 { f32::INFINITY } else { 1.0 / r });
+    // Way to the next border along each vector.
+    let border = |bucket: [i32; 2], k: usize| {
+        let at = (bucket[k] + i32::from(step[k] > 0)) as f32 / counts[k];
+        if per_rate[k].is_finite() { (at - start[k]) * per_rate[k] } else { f32::INFINITY }
+    };
+    let mut at = begin;
+    for _ in 0..MAX_STEPS {
+        let next = [border(bucket, 0), border(bucket, 1)];
+        let leave = max(min(min(next[0], next[1]), end), at);
+        let here = [0, 1].map(|k| bucket[k].rem_euclid(cloth.counts[k]));
+        let cell = [0, 1].map(|k| bucket[k].div_euclid(cloth.counts[k]));
+        let [a, b] = cloth.cell;
+        let [i, j] = cell.map(|c| c as f32);
+        // The line's start, relative to the corner of this cell.
+        let origin = [from[0] - i * a[0] - j * b[0], from[1] - i * a[1] - j * b[1], from[2]];
+        let number = (here[0] * cloth.counts[1] + here[1]) as usize;
+        // A line of one bucket has no borders.
+        let least = if at == begin { f32::NEG_INFINITY } else { at };
+        let most = if leave >= end { f32::INFINITY } else { leave };
+        for block in &cloth.blocks[cloth.first[number] as usize..cloth.first[number + 1] as usize] {
+            let (mut near2, mut share, mut way) = ([0.0f32; LANES], [0.0f32; LANES], [0.0f32; LANES]);
+            for l in 0..LANES {
+                let e = [block.from[0][l] - origin[0], block.from[1][l] - origin[1], block.from[2][l] - origin[2]];
+                let d = [block.to[0][l], block.to[1][l], block.to[2][l]];
+                let ew = e[0] * w[0] + e[1] * w[1] + e[2] * w[2];
+                let dw = d[0] * w[0] + d[1] * w[1] + d[2] * w[2];
+                let ed = e[0] * d[0] + e[1] * d[1] + e[2] * d[2] - ew * dw;
+                let dd = d[0] * d[0] + d[1] * d[1] + d[2] * d[2] - dw * dw;
+                let ee = e[0] * e[0] + e[1] * e[1] + e[2] * e[2] - ew * ew;
+                let s = min(max(-ed / max(dd, 1e-6), 0.0), 1.0);
+                near2[l] = ee + s * (2.0 * ed + s * dd);
+                share[l] = s;
+                way[l] = ew + s * dw;
+            }
+            for l in 0..LANES {
+                if near2[l] <= block.reach2[l] && way[l] >= least && way[l] < most {
+                    let piece = &cloth.pieces[block.piece[l] as usize];
+                    let cells = [0, 1].map(|k| i32::from(block.cells[l][k]));
+                    let moved = [0, 1].map(|k| (cells[0] as f32) * a[k] + (cells[1] as f32) * b[k]);
+                    let origin = [origin[0] - moved[0], origin[1] - moved[1], origin[2]];
+                    if let Some(mut hit) = refine(cloth, piece, share[l], origin, w) {
+                        hit.cells = [cells[0] + cell[0], cells[1] + cell[1]];
+                        if hit.nearest_um >= 0.0 {
+                            hits.add(hit);
+                        }
+                    }
+                }
+            }
+        }
+        if leave >= end {
+            break;
+        }
+        let k = usize::from(next[1] < next[0]);
+        bucket[k] += step[k];
+        at = leave;
+    }
+}
+
+/// The place of a piece that is nearest to the line, if the line hits the ply there. `origin` is the line's
+/// start as the curve sees it.
+#[inline(always)]
+fn refine(cloth: &ClothLines, piece: &Piece, share: f32, origin: [f32; 3], w: [f32; 3]) -> Option<LineHit> {
+    let spline = &cloth.splines[piece.curve as usize];
+    let last = spline.control.len() - 4;
+    let mut u = piece.from + share * (piece.to - piece.from);
+    let slack = 0.25 * (piece.to - piece.from);
+    let [low, high] = [piece.from - slack, piece.to + slack];
+    let at = |u: f32| {
+        let first = min(max(u, 0.0), last as f32) as usize;
+        let t = u - first as f32;
+        let s = 1.0 - t;
+        let p = &spline.control[first.min(last)..];
+        let w0 = [
+            s * s * s / 6.0,
+            (3.0 * t * t * t - 6.0 * t * t + 4.0) / 6.0,
+            (3.0 * s * s * s - 6.0 * s * s + 4.0) / 6.0,
+            t * t * t / 6.0,
+        ];
+        let w1 = [-0.5 * s * s, 1.5 * t * t - 2.0 * t, 2.0 * s - 1.5 * s * s, 0.5 * t * t];
+        let w2 = [s, 3.0 * t - 2.0, 1.0 - 3.0 * t, t];
+        let sum = |w: [f32; 4], k: usize| w[0] * p[0][k] + w[1] * p[1][k] + w[2] * p[2][k] + w[3] * p[3][k];
+        let point: [f32; 3] = std::array::from_fn(|k| sum(w0, k) - origin[k]);
+        let d: [f32; 3] = std::array::from_fn(|k| sum(w1, k));
+        let dd: [f32; 3] = std::array::from_fn(|k| sum(w2, k));
+        (point, d, dd)
+    };
+    let mut here = at(u);
+    let mut step = f32::INFINITY;
+    for _ in 0..ROUNDS {
+        let (p, d, dd) = here;
+        let (pw, dw, ddw) = (dot(p, w), dot(d, w), dot(dd, w));
+        let slope = dot(p, d) - pw * dw;
+        let bend = dot(d, d) - dw * dw + dot(p, dd) - pw * ddw;
+        // Where the distance curves the other way, the step that a straight curve has.
+        let bend = if bend > 0.1 * dot(d, d) { bend } else { max(dot(d, d) - dw * dw, 0.05 * dot(d, d)) };
+        let next = min(max(u - slope / bend, low), high);
+        (step, u) = ((next - u).abs(), next);
+        here = at(u);
+        if step < CLOSE * (piece.to - piece.from) {
+            break;
+        }
+    }
+    if step > AWAY * (piece.to - piece.from) {
+        return None;
+    }
+    let (p, d, dd) = here;
+    if u < piece.from || u >= piece.to {
+        return None;
+    }
+    let nearest = dot(p, w);
+    let off: [f32; 3] = std::array::from_fn(|k| p[k] - nearest * w[k]);
+    let h2 = dot(off, off);
+    let radius = spline.radius;
+    if h2 >= radius * radius {
+        return None;
+    }
+    let speed2 = dot(d, d);
+    let per = 1.0 / speed2.sqrt();
+    let tangent = d.map(|d| d * per);
+    let across = cross(w, tangent);
+    let sine2 = max(dot(across, across), MIN_SINE2);
+    let along = dot(dd, tangent);
+    let bend: [f32; 3] = std::array::from_fn(|k| (dd[k] - along * tangent[k]) / speed2);
+    Some(LineHit {
+        curve: piece.curve,
+        cells: [0; 2],
+        parameter: u,
+        nearest_um: nearest,
+        enter_um: nearest - ((radius * radius - h2) / sine2).sqrt(),
+        h_um: h2.sqrt().copysign(dot(off, across)),
+        tangent,
+        center_um: p,
+        bend_per_um: bend,
+        radius_um: radius,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::cloth::{ClothYarn, PlyCurve};
+    use crate::math::hash::SplitMix64;
+    use std::f64::consts::TAU;
+
+    /// Bent and twisted curves in a sheared cell.
+    fn cloth() -> ClothCurves {
+        let cell_um = [[160.0, 90.0], [0.0, 240.0]];
+        let lattice = Lattice::new(cell_um).unwrap();
+        let mut cloth = ClothCurves { cell_um, yarns: Vec::new(), curves: Vec::new() };
+        let mut add = |shift: [i32; 2], from: [f64; 2], height: f64, circle: f64, radius: f64| {
+            let index = cloth.yarns.len() as u32;
+            cloth.yarns.push(ClothYarn { kind: 0, number: 0, step: [0; 2], period: shift });
+            let way = lattice.vector(shift);
+            let length = way[0].hypot(way[1]);
+            let n = (length / (0.7 * radius)).ceil() as usize;
+            let points: Vec<[f64; 3]> = (0..n)
+                .map(|i| {
+                    let t = i as f64 / n as f64;
+                    let (s, c) = (3.0 * TAU * t).sin_cos();
+                    let off = circle * c / length;
+                    let z = height * (TAU * t).cos() + circle * s;
+                    [from[0] + t * way[0] - off * way[1], from[1] + t * way[1] + off * way[0], z]
+                })
+                .collect();
+            cloth.curves.push(PlyCurve::through(index, radius, shift, &points, &lattice));
+        };
+        add([0, 1], [40.0, 0.0], 50.0, 0.0, 30.0);
+        add([0, 2], [120.0, 0.0], -40.0, 25.0, 22.0);
+        add([8, -3], [0.0, 70.0], 20.0, 12.0, 18.0);
+        add([1, 0], [0.0, 200.0], -30.0, 0.0, 25.0);
+        cloth
+    }
+
+    /// Hits by brute force: minima of the distance over fine samples of all images, refined by bisection of
+    /// its slope: curve, way, distance.
+    fn brute(cloth: &ClothCurves, from: [f64; 3], w: [f64; 3]) -> Vec<(u32, f64, f64)> {
+        let lattice = Lattice::new(cloth.cell_um).unwrap();
+        let mut all = Vec::new();
+        for (index, curve) in cloth.curves.iter().enumerate() {
+            let n = curve.control_um.len();
+            let samples = 12 * n;
+            for a in -26i32..=26 {
+                for b in -26i32..=26 {
+                    let by = lattice.vector([a, b]);
+                    let off = |u: f64| {
+                        let at = curve.at(&lattice, u);
+                        let p = [
+                            at.point_um[0] + by[0] - from[0],
+                            at.point_um[1] + by[1] - from[1],
+                            at.point_um[2] - from[2],
+                        ];
+                        let way = dot(p, w);
+                        let q: [f64; 3] = std::array::from_fn(|k| p[k] - way * w[k]);
+                        (way, dot(q, q).sqrt(), dot(q, at.d_um))
+                    };
+                    // Far images need no search.
+                    let reach = (0..8).map(|i| off(i as f64 * n as f64 / 8.0).1).fold(f64::INFINITY, f64::min);
+                    if reach > curve.length_um(&lattice) / 8.0 + curve.radius_um {
+                        continue;
+                    }
+                    for i in 0..samples {
+                        let [mut low, mut high] = [i, i + 1].map(|i| i as f64 * n as f64 / samples as f64);
+                        if !(off(low).2 < 0.0 && off(high).2 >= 0.0) {
+                            continue;
+                        }
+                        for _ in 0..40 {
+                            let middle = 0.5 * (low + high);
+                            *(if off(middle).2 < 0.0 { &mut low } else { &mut high }) = middle;
+                        }
+                        let (way, h, _) = off(low);
+                        if h < curve.radius_um && way >= 0.0 {
+                            all.push((index as u32, way, h));
+                        }
+                    }
+                }
+            }
+        }
+        all.sort_by(|a, b| a.1.total_cmp(&b.1));
+        all
+    }
+
+    /// Lines hit what they hit by brute force, at all tilts, and each ply once.
+    #[test]
+    fn lines_hit_what_they_hit() {
+        let cloth = cloth();
+        let lines = ClothLines::new(&cloth).unwrap();
+        let half = f64::from(lines.half_thickness_um());
+        let mut rng = SplitMix64(5);
+        let mut number = || rng.next_f64();
+        let mut hits = LineHits::default();
+        let (mut total, mut doubtful) = (0, 0);
+        for i in 0..160 {
+            let z = [1.0, 0.8, 0.5, 0.2, -0.9, -0.4, 0.1, 0.05][i % 8];
+            let (sin, cos) = (TAU * number()).sin_cos();
+            let across = (1.0f64 - z * z).sqrt();
+            let w = [across * cos, across * sin, -z];
+            let at = [2000.0 * (number() - 0.5), 2000.0 * (number() - 0.5)];
+            // From above or below; every fifth from within.
+            let lift = if i % 5 == 4 { 0.0 } else { 1.1 * half / f64::abs(z) };
+            let from = [at[0] - lift * w[0], at[1] - lift * w[1], -lift * w[2]];
+            lines.hits(from.map(|v| v as f32), w.map(|v| v as f32), &mut hits);
+            // The brute force sees images around the origin.
+            let mut want = brute(&cloth, from, w);
+            want.truncate(MAX_HITS);
+            for hit in hits.as_slice() {
+                let radius = hit.radius_um;
+                // A place on a curve is found from both sides of an end.
+                let across = cross(w.map(|v| v as f32), hit.tangent);
+                let sine = f64::from(dot(across, across)).sqrt();
+                let found = want.iter().position(|(curve, way, h)| {
+                    *curve == hit.curve
+                        && (way - f64::from(hit.nearest_um)).abs() < 0.12 * f64::from(radius) / sine
+                        && (h - f64::from(hit.h_um.abs())).abs() < 0.01 * f64::from(radius)
+                });
+                match found {
+                    Some(at) => drop(want.remove(at)),
+                    None if hit.h_um.abs() > 0.99 * radius => doubtful += 1,
+                    None => panic!("{i}: {hit:?} is no hit; left {want:?}"),
+                }
+                // The wall is where the line enters it, next to the tangent.
+                let p: [f32; 3] = std::array::from_fn(|k| hit.enter_um * w[k] as f32 - hit.center_um[k]);
+                let along = dot(p, hit.tangent);
+                let off = dot(p, p) - along * along;
+                let is_along = sine * sine < f64::from(MIN_SINE2);
+                assert!(is_along || (off.max(0.0).sqrt() / radius - 1.0).abs() < 0.02, "{hit:?}");
+                total += 1;
+            }
+            let missed: Vec<_> =
+                want.iter().filter(|(curve, _, h)| *h < 0.99 * cloth.curves[*curve as usize].radius_um).collect();
+            doubtful += want.len() - missed.len();
+            assert!(missed.is_empty() || hits.as_slice().len() == MAX_HITS, "{i}, cosine {z}: missed {missed:?}");
+        }
+        println!("{total} hits, {doubtful} at a rim");
+        assert!(total > 400 && doubtful < total / 50);
+    }
+
+    /// No input makes a line fail.
+    #[test]
+    fn lines_of_any_numbers_end() {
+        let lines = ClothLines::new(&cloth()).unwrap();
+        let mut hits = LineHits::default();
+        for x in [0.0, 1e7, -3e30, f32::INFINITY, f32::NAN] {
+            for w in
+                [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [f32::NAN, 0.0, 1.0], [0.6, 0.0, 0.8], [1e30, 1.0, f32::INFINITY]]
+            {
+                lines.hits([x, 3.0, 200.0], w, &mut hits);
+                lines.hits([x, 3.0, x], w, &mut hits);
+                assert!(hits.as_slice().len() <= MAX_HITS);
+            }
+        }
+    }
+}

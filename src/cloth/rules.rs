@@ -1,0 +1,175 @@
+//! Rules of the cloth spec: its keys and their ranges, and what must hold between them.
+
+use super::spec::{ClothSpec, YarnOfCloth};
+use crate::Result;
+use crate::fabric::{WEAVES, check_weave};
+use crate::spec::rules::{Custom, Key, Kind, Rules, invalid, optional, required};
+use toml::Value;
+
+/// The rules of a cloth spec.
+pub const CLOTH_RULES: Rules = Rules {
+    keys: ROOT,
+    units: &["_per_cm", "_per_um", "_per_m", "_um", "_mm", "_percent"],
+    example: "fabrics/cloths/satin.toml",
+    foreign: &[(
+        &["fiber", "ply", "beam", "absorption", "simulation"],
+        "this is a key of a yarn spec; a cloth names the models of its yarns",
+    )],
+};
+
+const ROOT: &[Key] = &[
+    required("name", Kind::Text),
+    optional("weave", Kind::Tagged("{ kind = \"satin\", n = 5, step = 2 }", WEAVES), "knit or curves"),
+    optional("knit", Kind::Tagged("{ kind = \"jersey\", ... }", KNITS), "weave or curves"),
+    optional("curves", Kind::Table(CURVES), "weave or knit"),
+    optional("warp", Kind::Table(YARN), "of a weave"),
+    optional("weft", Kind::Table(YARN), "of a weave"),
+    optional("yarn", Kind::Table(YARN), "of a knit and of curves"),
+    optional("thickness_um", Kind::Number(1.0, 1e5), "not pressed"),
+];
+const COUNT: &[Key] = &[
+    optional("tex", Kind::Number(0.1, 1e4), "another unit"),
+    optional("dtex", Kind::Number(1.0, 1e5), "another unit"),
+    optional("den", Kind::Number(1.0, 1e5), "another unit"),
+    optional("ne", Kind::Number(0.05, 1000.0), "another unit"),
+    optional("nm", Kind::Number(0.1, 2000.0), "another unit"),
+    optional("filaments", Kind::Integer(1, 10_000), "not said"),
+];
+const YARN: &[Key] = &[
+    optional("model", Kind::Text, "none: the geometry alone"),
+    required("count", Kind::Table(COUNT)),
+    required("density_g_per_cm3", Kind::Number(0.5, 25.0)),
+    optional("packing", Kind::Number(0.1, 1.0), "0.6"),
+    optional("plies", Kind::Integer(1, 7), "1"),
+    optional("bundles", Kind::Integer(1, 19), "1"),
+    optional("twist_per_m", Kind::Number(0.0, 5000.0), "0.0"),
+    optional("handedness", Kind::Choice(&["Z", "S"]), "\"Z\""),
+    optional("ends_per_cm", Kind::Number(0.1, 1000.0), "of a warp"),
+    optional("picks_per_cm", Kind::Number(0.1, 1000.0), "of a weft"),
+    optional("tension", Kind::Number(0.01, 100.0), "1.0"),
+    optional("crimp_percent", Kind::Number(0.0, 200.0), "by tension"),
+    optional("stiffness", Kind::Number(0.0, 100.0), "0.5"),
+    optional("cohesion", Kind::Number(0.0, 100.0), "0.02"),
+    optional("srgb", Kind::Srgb, "clear fibers"),
+    optional("sigma_per_um", Kind::Number(0.0, 10.0), "srgb"),
+];
+
+const WALES: Key = required("wales_per_cm", Kind::Number(0.1, 200.0));
+const COURSES: Key = required("courses_per_cm", Kind::Number(0.1, 200.0));
+const LOOP: Key = required("loop_mm", Kind::Number(0.05, 200.0));
+const ROWS: Custom = Custom {
+    expected: "rows of one length of K (knit) and P (purl), such as [\"KP\", \"PK\"]",
+    check: |file, key, value| match value.as_array() {
+        Some(rows) if rows.iter().all(Value::is_str) => Ok(()),
+        _ => Err(invalid(file, key, value, "use rows of one length of K and P, such as [\"KP\", \"PK\"]")),
+    },
+};
+/// Keys of each `knit.kind`, besides `kind`.
+const KNITS: &[(&str, &[Key])] = &[
+    ("jersey", &[WALES, COURSES, LOOP]),
+    (
+        "rib",
+        &[
+            WALES,
+            COURSES,
+            LOOP,
+            optional("knit", Kind::Integer(1, 32), "1"),
+            optional("purl", Kind::Integer(1, 32), "1"),
+        ],
+    ),
+    ("garter", &[WALES, COURSES, LOOP]),
+    ("seed", &[WALES, COURSES, LOOP]),
+    ("interlock", &[WALES, COURSES, LOOP]),
+    ("tricot", &[WALES, COURSES, LOOP]),
+    ("grid", &[WALES, COURSES, LOOP, required("rows", Kind::Custom(ROWS))]),
+];
+const CURVES: &[Key] = &[
+    required("file", Kind::Text),
+    optional("cell_um", Kind::Custom(CELL), "that of the file"),
+    optional("um_per_unit", Kind::Number(1e-6, 1e9), "1, of a .tg3 1000"),
+    optional("relax", Kind::Custom(BOOL), "false"),
+];
+const CELL: Custom = Custom {
+    expected: "two vectors of two numbers",
+    check: |file, key, value| {
+        let number = |v: &Value| v.as_float().is_some_and(f64::is_finite) || v.is_integer();
+        let pair = |v: &Value| v.as_array().is_some_and(|v| v.len() == 2 && v.iter().all(number));
+        match value.as_array() {
+            Some(rows) if rows.len() == 2 && rows.iter().all(pair) => Ok(()),
+            _ => Err(invalid(file, key, value, "use two vectors such as [[700.0, 0.0], [0.0, 500.0]]")),
+        }
+    },
+};
+const BOOL: Custom = Custom {
+    expected: "true or false",
+    check: |file, key, value| match value.is_bool() {
+        true => Ok(()),
+        false => Err(invalid(file, key, value, "use true or false")),
+    },
+};
+
+/// What must hold between keys.
+pub(super) fn check_relations(file: &str, spec: &ClothSpec) -> Result<()> {
+    let given = [spec.weave.is_some(), spec.knit.is_some(), spec.curves.is_some()];
+    if given.iter().filter(|is| **is).count() != 1 {
+        let names: Vec<&str> =
+            ["weave", "knit", "curves"].into_iter().zip(given).filter(|g| g.1).map(|g| g.0).collect();
+        let value = if names.is_empty() { "(absent)".to_string() } else { names.join(" and ") };
+        return Err(invalid(file, "weave", value, "give one of [weave], [knit] and [curves]"));
+    }
+    let wanted = if given[0] { ["warp", "weft"].as_slice() } else { &["yarn"] };
+    for (name, yarn) in [("warp", &spec.warp), ("weft", &spec.weft), ("yarn", &spec.yarn)] {
+        match (yarn, wanted.contains(&name)) {
+            (Some(yarn), true) => check_yarn(file, name, yarn)?,
+            (None, true) => return Err(invalid(file, name, "(absent)", "this table must be given")),
+            (Some(_), false) => {
+                let hint = format!("leave it out, or use [{}]", wanted.join("] and ["));
+                return Err(invalid(file, name, "(given)", hint));
+            }
+            (None, false) => {}
+        }
+    }
+    if let Some(weave) = &spec.weave {
+        check_weave(file, weave)?;
+    }
+    Ok(())
+}
+
+fn check_yarn(file: &str, name: &str, yarn: &YarnOfCloth) -> Result<()> {
+    let key = |of: &str| format!("{name}.{of}");
+    let units = yarn.count.units();
+    if units.len() != 1 {
+        let names: Vec<&str> = units.iter().map(|(unit, _)| *unit).collect();
+        let value = if names.is_empty() { "(absent)".into() } else { names.join(" and ") };
+        return Err(invalid(file, &key("count"), value, "give one of tex, dtex, den, ne, nm"));
+    }
+    if yarn.bundles > 1 && yarn.plies > 1 {
+        let hint = "a yarn has plies or bundles, not both; leave one out";
+        return Err(invalid(file, &key("bundles"), yarn.bundles, hint));
+    }
+    if yarn.twist_per_m > 0.0 && yarn.strands() > 1 && yarn.symmetry() == 1 {
+        let hint = format!("{} bundles cannot be twisted in a periodic cloth; use 3, 7 or 19", yarn.bundles);
+        return Err(invalid(file, &key("twist_per_m"), yarn.twist_per_m, hint));
+    }
+    if yarn.crimp_percent.is_some() && yarn.tension != 1.0 {
+        return Err(invalid(file, &key("tension"), yarn.tension, "give either tension or crimp_percent, not both"));
+    }
+    if yarn.srgb.is_some() && yarn.sigma_per_um.is_some() {
+        let sigma = yarn.sigma_per_um.unwrap_or_default();
+        return Err(invalid(file, &key("sigma_per_um"), sigma, "give either srgb or sigma_per_um, not both"));
+    }
+    let density = match name {
+        "warp" => Some(("ends_per_cm", yarn.ends_per_cm, "picks_per_cm", yarn.picks_per_cm)),
+        "weft" => Some(("picks_per_cm", yarn.picks_per_cm, "ends_per_cm", yarn.ends_per_cm)),
+        _ => None,
+    };
+    match density {
+        Some((own, None, _, None)) => Err(invalid(file, &key(own), "(absent)", "this key must be given")),
+        Some((own, _, other, Some(value))) => Err(invalid(file, &key(other), value, format!("use {own}"))),
+        None if yarn.spacing_um().is_some() => {
+            let hint = "leave it out: [knit] has wales_per_cm and courses_per_cm";
+            Err(invalid(file, &key("ends_per_cm"), yarn.spacing_um().unwrap_or_default(), hint))
+        }
+        _ => Ok(()),
+    }
+}
