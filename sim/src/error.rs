@@ -60,6 +60,9 @@ pub enum SimError {
         /// Most that are allowed.
         allowed: f64,
     },
+    /// A relaxation that was stopped.
+    #[error("stopped before the yarns were at rest")]
+    Stopped,
     /// Stopped before the end.
     #[error("stopped with {left} of {total} shards left")]
     Interrupted {

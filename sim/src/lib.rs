@@ -3,8 +3,9 @@
 //! Yarn spec -> cross section ([`PlySection`]) -> tracer ([`ScrewTracer`] or [`MeshTracer`]) -> [`simulate`]
 //! -> `plywave::table::Table`;
 //! a yarn of several plies: [`yarn::yarn_table`]. Single fibers by waves: [`wave`].
-//! A cloth of explicit fibers: [`twin`].
+//! Curves of a cloth: [`cloth`]. A cloth of explicit fibers: [`twin`].
 
+pub mod cloth;
 mod energies;
 mod energy_grids;
 mod error;

@@ -25,6 +25,10 @@ use std::f64::consts::{PI, TAU};
 const STARTS: usize = 4;
 /// Scale of a jam beyond which another start does not help: starts differ by about 0.01.
 const HOPELESS: f64 = 1.03;
+/// Few fibers jam in arrangements that differ much (five discs in a ring, or four about the fifth): fewer
+/// than this have more starts, none of them hopeless.
+const FEW: usize = 12;
+const STARTS_OF_FEW: usize = 60;
 /// Largest number of compression sweeps per start.
 const MAX_SWEEPS: usize = 6000;
 /// Compression stops when this many sweeps shrink the ply by less than [`STALL`].
@@ -61,7 +65,8 @@ pub(crate) fn pack<R: Rng>(fibers: &mut [FiberSection], spec: &YarnSpec, rng: &m
             .map(|f| spec.blend.as_ref().filter(|_| f.second).map_or(&spec.fiber, |b| &b.fiber).angle_jitter_rad)
             .collect();
         let mut state = State::new(bodies, areas, radii, gap, turns);
-        for _ in 0..STARTS {
+        let is_few = fibers.len() < FEW;
+        for _ in 0..if is_few { STARTS_OF_FEW } else { STARTS } {
             let angles = fibers.iter().map(|f| f.angle_rad);
             if !state.start(angles, rng) {
                 continue;
@@ -79,7 +84,7 @@ pub(crate) fn pack<R: Rng>(fibers: &mut [FiberSection], spec: &YarnSpec, rng: &m
                 state.bodies.iter_mut().for_each(Body::widen);
             } else {
                 reached = reached.min(scale);
-                if scale > HOPELESS {
+                if scale > HOPELESS && !is_few {
                     break;
                 }
             }

@@ -155,13 +155,13 @@ fn estimate_ply(cloth: &TwinCloth, domain: &Domain, options: &TwinMesh, ply: Ply
     let turn = spec.ply.twist_per_um().abs() + 0.005;
     let rings = length * (turn / options.turn_rad.max(1e-3)).max(1.0 / options.step_um.max(0.1));
     // The costlier kind of a blend counts for all: it is an estimate.
-    let shape = spec.fibers().map(|fiber| points_of(&fiber.shape)).fold(0.0, f64::max);
+    let shape = spec.fibers().map(|fiber| outline_share(&fiber.shape)).fold(0.0, f64::max);
     let points = f64::from(options.outline_points) * shape;
     rings * points * f64::from(spec.ply.fibers)
 }
 
 /// Estimate of the points of an outline, relative to those of a circle.
-fn points_of(shape: &Shape) -> f64 {
+pub(super) fn outline_share(shape: &Shape) -> f64 {
     match *shape {
         Shape::Circle { .. } | Shape::Ellipse { .. } | Shape::RoundedTriangle { .. } | Shape::Stone { .. } => 1.0,
         Shape::HollowCircle { lumen, .. } => 1.0 + lumen,

@@ -2,6 +2,7 @@
 //! on the seed and its number alone.
 
 use super::cloth::TwinCloth;
+use super::curves::TwinCurves;
 use super::domain::Domain;
 use super::options::TwinOptions;
 use super::shard::{Sums, trace_paths};
@@ -18,7 +19,11 @@ use std::sync::atomic::AtomicBool;
 /// # Errors
 /// As [`TwinJob::new`] and [`ClothTracer::new`]; [`SimError::Interrupted`] when stopped, errors of the parts
 /// folder.
-pub fn twin(cloth: &TwinCloth, options: &TwinOptions, run: Run<'_>) -> Result<ClothTwin, SimError> {
+pub fn twin(
+    cloth: &(impl Into<TwinSource> + Clone),
+    options: &TwinOptions,
+    run: Run<'_>,
+) -> Result<ClothTwin, SimError> {
     runs::run(&TwinJob::new(cloth.clone(), options)?, run)
 }
 
@@ -33,9 +38,68 @@ pub struct TwinSize {
     pub memory_bytes: usize,
 }
 
+/// A cloth to trace.
+#[derive(Clone, Debug)]
+pub enum TwinSource {
+    /// A fabric of yarns on Peirce's arcs.
+    Fabric(Box<TwinCloth>),
+    /// Curves.
+    Curves(Box<TwinCurves>),
+}
+
+impl From<TwinCloth> for TwinSource {
+    fn from(cloth: TwinCloth) -> TwinSource {
+        TwinSource::Fabric(Box::new(cloth))
+    }
+}
+
+impl From<TwinCurves> for TwinSource {
+    fn from(cloth: TwinCurves) -> TwinSource {
+        TwinSource::Curves(Box::new(cloth))
+    }
+}
+
+impl TwinSource {
+    fn text(&self) -> &str {
+        match self {
+            TwinSource::Fabric(cloth) => cloth.text(),
+            TwinSource::Curves(cloth) => cloth.text(),
+        }
+    }
+
+    fn name(&self) -> &str {
+        match self {
+            TwinSource::Fabric(cloth) => &cloth.name,
+            TwinSource::Curves(cloth) => &cloth.name,
+        }
+    }
+
+    /// Size of a repeat along x and y [um].
+    fn repeat_um(&self) -> [f64; 2] {
+        match self {
+            TwinSource::Fabric(cloth) => cloth.fabric.repeat_um(),
+            TwinSource::Curves(cloth) => cloth.repeat_um(),
+        }
+    }
+
+    fn domain(&self, options: &TwinOptions) -> Domain {
+        match self {
+            TwinSource::Fabric(cloth) => Domain::new(cloth, options.repeats, &options.mesh),
+            TwinSource::Curves(cloth) => cloth.domain(options.repeats, &options.mesh),
+        }
+    }
+
+    fn tracer(&self, domain: &Domain, options: &TwinOptions) -> Result<ClothTracer, SimError> {
+        match self {
+            TwinSource::Fabric(cloth) => ClothTracer::new(cloth, domain, &options.mesh, options.seed),
+            TwinSource::Curves(cloth) => ClothTracer::from_curves(cloth, domain, &options.mesh, options.seed),
+        }
+    }
+}
+
 /// A twin as a job.
 pub struct TwinJob {
-    cloth: TwinCloth,
+    cloth: TwinSource,
     options: TwinOptions,
     domain: Domain,
     tracer: OnceLock<ClothTracer>,
@@ -49,7 +113,8 @@ impl TwinJob {
     ///
     /// # Errors
     /// [`SimError::Option`] for options out of range.
-    pub fn new(cloth: TwinCloth, options: &TwinOptions) -> Result<TwinJob, SimError> {
+    pub fn new(cloth: impl Into<TwinSource>, options: &TwinOptions) -> Result<TwinJob, SimError> {
+        let cloth = cloth.into();
         let refuse = |name, value, allowed| Err(SimError::Option { name, value, allowed });
         let unit = |v: &[f64; 3]| (v.iter().map(|x| x * x).sum::<f64>() - 1.0).abs() < 1e-9 && v[2].abs() > 1e-3;
         let absorbs = |s: &[f64; 2]| s.iter().all(|s| (0.0..=1e6).contains(s));
@@ -71,11 +136,11 @@ impl TwinJob {
         }
         // Longer yarns have too many fibers to trace, and too many steps of their center lines.
         let repeats = options.repeats.unwrap_or([1; 2]).map(f64::from);
-        let sides = cloth.fabric.repeat_um();
+        let sides = cloth.repeat_um();
         if let Some(side) = (0..2).map(|k| sides[k] * repeats[k]).find(|side| side.is_nan() || *side > LONGEST_UM) {
             return refuse("repeats", side as usize, "so many that the sides are 200000 um at most");
         }
-        let domain = Domain::new(&cloth, options.repeats, &options.mesh);
+        let domain = cloth.domain(options);
         Ok(TwinJob { cloth, options: options.clone(), domain, tracer: OnceLock::new() })
     }
 
@@ -84,7 +149,11 @@ impl TwinJob {
     /// # Errors
     /// [`SimError::Merge`] and those of the cloth.
     pub(crate) fn from_description(description: &Description) -> Result<TwinJob, SimError> {
-        TwinJob::new(TwinCloth::parse(&description.spec)?, &description.parse_options()?)
+        let cloth = match TwinCurves::parse(&description.spec) {
+            Some(cloth) => TwinSource::from(cloth?),
+            None => TwinSource::from(TwinCloth::parse(&description.spec)?),
+        };
+        TwinJob::new(cloth, &description.parse_options()?)
     }
 
     /// The part of the cloth that is traced.
@@ -105,7 +174,7 @@ impl TwinJob {
         if let Some(tracer) = self.tracer.get() {
             return Ok(tracer);
         }
-        let tracer = ClothTracer::new(&self.cloth, &self.domain, &self.options.mesh, self.options.seed)?;
+        let tracer = self.cloth.tracer(&self.domain, &self.options)?;
         Ok(self.tracer.get_or_init(|| tracer))
     }
 }
@@ -156,7 +225,7 @@ impl Job for TwinJob {
         let (view, s) = (shard / self.group(), shard % self.group());
         let mut sums = Sums::zero(&self.options);
         let mut rng = stream(self.options.seed, [view as u64, s as u64 + 1]);
-        let (direction, repeat) = (self.options.views[view], self.cloth.fabric.repeat_um());
+        let (direction, repeat) = (self.options.views[view], self.cloth.repeat_um());
         let paths = self.options.shard_paths();
         let done =
             trace_paths(self.tracer()?, &self.options, direction, repeat, paths, &mut rng, &mut sums, stop, progress);
@@ -170,9 +239,9 @@ impl Job for TwinJob {
         ClothTwin {
             spec_text: self.cloth.text().into(),
             program_version: env!("CARGO_PKG_VERSION").into(),
-            name: self.cloth.name.clone(),
+            name: self.cloth.name().into(),
             seed: options.seed,
-            repeat_um: self.cloth.fabric.repeat_um(),
+            repeat_um: self.cloth.repeat_um(),
             repeats: self.domain.repeats,
             views: options.views.concat(),
             sigma_per_um: options.sigma_per_um.concat(),

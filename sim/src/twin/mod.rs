@@ -5,11 +5,12 @@
 //! yarns, packed fibers wind in the plies, and rays scatter at the fibers' walls by the same walk as in the
 //! simulation of a single ply.
 //!
-//! [`TwinCloth`] describes the cloth, [`Domain`] has the traced repeats and the pitches that close over them,
-//! `sweep.rs` builds triangles, [`ClothTracer`] traces rays through their infinite repetition, and
-//! [`TwinJob`] runs the paths.
+//! [`TwinCloth`] describes the cloth of a fabric spec, [`TwinCurves`] one of curves, [`Domain`] has the
+//! traced repeats and the pitches that close over them, `sweep.rs` builds triangles, [`ClothTracer`] traces
+//! rays through their infinite repetition, and [`TwinJob`] runs the paths.
 
 mod cloth;
+mod curves;
 mod domain;
 mod job;
 mod options;
@@ -21,8 +22,9 @@ mod tests;
 mod tracer;
 
 pub use cloth::{OVERLAP_TOLERANCE_UM, TwinCloth};
+pub use curves::TwinCurves;
 pub use domain::{Domain, PitchUsed};
-pub use job::{TwinJob, TwinSize, twin};
+pub use job::{TwinJob, TwinSize, TwinSource, twin};
 pub use options::{TwinMesh, TwinOptions, direction, standard_views};
 pub use sweep::ThreadOfFiber;
 pub use tracer::ClothTracer;

@@ -77,6 +77,11 @@ impl ClothMesh {
             .enumerate()
             .map(|(i, ply)| sweep_ply(cloth, domain, options, *ply, seed, i as u64))
             .collect::<Result<Vec<_>, _>>()?;
+        Ok(ClothMesh::joined(parts))
+    }
+
+    /// One mesh of several.
+    pub fn joined(parts: Vec<ClothMesh>) -> ClothMesh {
         let mut mesh = ClothMesh::default();
         let total: usize = parts.iter().map(|p| p.quads.len()).sum();
         mesh.quads.reserve_exact(total);
@@ -92,7 +97,7 @@ impl ClothMesh {
             mesh.normals.extend(part.normals);
             mesh.fibers.extend(part.fibers);
         }
-        Ok(mesh)
+        mesh
     }
 }
 
@@ -152,7 +157,7 @@ fn points_of(outline: &Outline, is_lumen: bool, options: &TwinMesh) -> usize {
 /// Points of a ring about an outline, relative to the fiber's center, by arc length and turn of the normal in
 /// equal parts. Their polygon has the outline's area; where the outline turns by `turn` from ring to ring,
 /// the chords between lie within by a share of `turn^2 / 12` on average, which is added.
-fn ring(fiber: &FiberSection, outline: &Outline, is_lumen: bool, turn: f64, options: &TwinMesh) -> Ring {
+pub(super) fn ring(fiber: &FiberSection, outline: &Outline, is_lumen: bool, turn: f64, options: &TwinMesh) -> Ring {
     let n = points_of(outline, is_lumen, options);
     let mut points = match outline {
         Outline::Circle { .. } => outline.points(n),

@@ -4,9 +4,11 @@
 //! A position may lie anywhere in the plane; it is moved into the domain for the search. The tubes extend a
 //! little beyond the ends of the domain, so that a ray followed up to the border hits no end. Across, yarns
 //! lie within the domain; a ray within a fiber is moved to the image that contains the fiber's yarn,
-//! whichever side of the border rounding puts it on.
+//! whichever side of the border rounding puts it on. A domain of curves has all pieces of tubes that reach
+//! into it, so a ray within a fiber crosses borders as others do.
 
 use super::cloth::TwinCloth;
+use super::curves::TwinCurves;
 use super::domain::Domain;
 use super::options::TwinMesh;
 use super::sweep::{ClothMesh, ThreadOfFiber};
@@ -22,6 +24,7 @@ use obvhs::cwbvh::builder::build_cwbvh;
 use obvhs::ray::{Ray, RayHit};
 use obvhs::triangle::Triangle;
 use plywave::fabric::YarnSet;
+use plywave::spec::YarnSpec;
 use std::time::Duration;
 
 /// Largest number of re-entries before a ray counts as lost.
@@ -70,6 +73,9 @@ pub struct ClothTracer {
     /// All fibers lie between these heights [um].
     low: f32,
     high: f32,
+    /// Whether the domain holds every piece of a tube that reaches into it, also of tubes whose yarn lies in
+    /// the next domain.
+    has_images: bool,
 }
 
 impl ClothTracer {
@@ -78,7 +84,24 @@ impl ClothTracer {
     /// # Errors
     /// [`SimError::CannotPack`] and the like, [`SimError::TwinTooLarge`].
     pub fn new(cloth: &TwinCloth, domain: &Domain, mesh: &TwinMesh, seed: u64) -> Result<ClothTracer, SimError> {
-        let ClothMesh { vertices, normals, quads, wall, fibers } = ClothMesh::new(cloth, domain, mesh, seed)?;
+        Ok(ClothTracer::from_mesh(ClothMesh::new(cloth, domain, mesh, seed)?, &cloth.yarns, domain, false))
+    }
+
+    /// Sweeps and sorts the fibers of a domain of curves.
+    ///
+    /// # Errors
+    /// As [`ClothTracer::new`].
+    pub fn from_curves(
+        cloth: &TwinCurves,
+        domain: &Domain,
+        mesh: &TwinMesh,
+        seed: u64,
+    ) -> Result<ClothTracer, SimError> {
+        Ok(ClothTracer::from_mesh(cloth.mesh(domain, mesh, seed)?, &cloth.yarns, domain, true))
+    }
+
+    fn from_mesh(mesh: ClothMesh, yarns: &[YarnSpec], domain: &Domain, has_images: bool) -> ClothTracer {
+        let ClothMesh { vertices, normals, quads, wall, fibers } = mesh;
         let heights = || vertices.iter().map(|v| v[2]);
         let (low, high) = (heights().fold(0.0, f32::min) - 0.01, heights().fold(0.0, f32::max) + 0.01);
         // The warp's quads come first. Families are built one after the other: building takes several times
@@ -86,16 +109,17 @@ impl ClothTracer {
         let first = wall.partition_point(|w| fibers[*w as usize >> 1].family == YarnSet::Warp);
         let walls =
             [0..first, first..quads.len()].map(|range| Walls::new(&vertices, &quads[range.clone()], &wall[range]));
-        Ok(ClothTracer {
+        ClothTracer {
             walls,
             vertices,
             normals,
             fibers,
-            surfaces: cloth.yarns.iter().map(Surfaces::of_spec).collect(),
+            surfaces: yarns.iter().map(Surfaces::of_spec).collect(),
             size: domain.size_um.map(|s| s as f32),
             low,
             high,
-        })
+            has_images,
+        }
     }
 
     /// Number of triangles.
@@ -149,7 +173,9 @@ impl ClothTracer {
         let own = (!air).then(|| {
             let thread = self.thread(fiber);
             let family = thread.family as usize;
-            (middle[family], bordered[family]) = (thread.across, false);
+            if !self.has_images {
+                (middle[family], bordered[family]) = (thread.across, false);
+            }
             family
         });
         // A ray into the material goes against the normal.

@@ -1,5 +1,6 @@
 //! Tests of the simulators. One program, so that they share loaded data.
 
+mod cloth;
 mod fiber;
 mod fiber_truths;
 mod mesh;

@@ -1,12 +1,14 @@
 //! The twin of a cloth. `sim/src/twin/tests.rs` compares its fibers with those of a single ply; here: energy,
 //! reciprocity, the mesh's resolution, refusals, and the same bits however a run is cut.
 
+use plywave::cloth::{ClothCurves, ClothYarn, Lattice, PlyCurve};
 use plywave::fabric::{Draft, Fabric, YarnShape};
 use plywave::spec::{Handedness, POLYESTER};
 use plywave::twin::{CLASSES, ClothTwin, SphereBins};
 use plywave_sim::runs::{Output, Parts, Run, run_part};
-use plywave_sim::twin::{Domain, TwinCloth, TwinJob, TwinMesh, TwinOptions, direction, twin};
+use plywave_sim::twin::{Domain, TwinCloth, TwinCurves, TwinJob, TwinMesh, TwinOptions, direction, twin};
 use plywave_sim::{MAX_INTERACTIONS, SimError};
+use std::f64::consts::{PI, TAU};
 
 fn shape(plies: u32, radius_um: f64, spacing_um: f64, crimp: f64) -> YarnShape {
     YarnShape {
@@ -223,4 +225,108 @@ fn domains_close() {
     let given = Domain::new(&cloth, Some([1, 3]), &TwinMesh::default());
     assert_eq!((given.repeats, given.yarns), ([1, 3], [2, 6]));
     assert_eq!(given.size_um, [560.0, 1620.0]);
+}
+
+/// Straight yarns along y above straight yarns along x, `yarns` of each in a cell of these vectors. They have
+/// `strands` on helices of this circle, one turn a period.
+fn curves(
+    cell_um: [[f64; 2]; 2],
+    (period, yarns): (f64, u32),
+    radius_um: f64,
+    circle_um: f64,
+    strands: u32,
+) -> ClothCurves {
+    let lattice = Lattice::new(cell_um).unwrap();
+    let mut cloth = ClothCurves { cell_um, yarns: Vec::new(), curves: Vec::new() };
+    for (kind, along) in [1, 0].into_iter().enumerate() {
+        let f = lattice.fractions(if along == 0 { period } else { 0.0 }, if along == 1 { period } else { 0.0 });
+        let shift = f.map(|f| f.round() as i32);
+        for yarn in 0..yarns {
+            let index = cloth.yarns.len() as u32;
+            cloth.yarns.push(ClothYarn { kind: kind as u32, number: yarn as i32, step: [1, 1], period: shift });
+            for strand in 0..strands {
+                let points: Vec<[f64; 3]> = (0..64)
+                    .map(|i| {
+                        let t = f64::from(i) / 64.0;
+                        let angle = TAU * (f64::from(strand) / f64::from(strands) - t);
+                        let mut p = [0.0; 3];
+                        p[along] = t * period;
+                        // Left-handed, as the plies of `shape`: across is to the left of the way.
+                        let left = if along == 1 { -1.0 } else { 1.0 };
+                        p[1 - along] =
+                            30.0 + period * f64::from(yarn) / f64::from(yarns) + left * circle_um * angle.cos();
+                        p[2] = [1.0, -1.0][kind] * (circle_um + radius_um) + circle_um * angle.sin();
+                        p
+                    })
+                    .collect();
+                cloth.curves.push(PlyCurve::through(index, radius_um, shift, &points, &lattice));
+            }
+        }
+    }
+    cloth
+}
+
+/// Fibers along curves scatter as those of the same yarns in a fabric: of one ply in two layers, also in a
+/// sheared cell, and of two twisted plies.
+#[test]
+#[ignore = "slow: 40 s: curves scatter as the yarns of a fabric"]
+fn curves_scatter_as_the_yarns_of_a_fabric() {
+    let views = vec![direction(0.0, 0.0), direction(0.9, 0.7), direction(1.2, 1.6), direction(2.5, -1.0)];
+    let two = POLYESTER
+        .replace("fibers = 30", "fibers = 7")
+        .replace("radius_um = 50.0", "radius_um = 27.0")
+        .replace("fiber_pitch_um = 800.0", "fiber_pitch_um = 500.0");
+    let circle = plywave::spec::ply_circle_um(2, 27.0, Some(500.0)).unwrap();
+    let fabric = Fabric::new(Draft::layers(), [shape(2, 27.0, 125.0, 0.5), shape(2, 27.0, 125.0, 0.5)]).unwrap();
+    let plied = TwinCloth::new("plied", fabric, vec![two.clone()], [vec![0], vec![0]]).unwrap();
+    let square = |spacing: f64| [[spacing, 0.0], [0.0, spacing]];
+    for (name, fabric, curves, spec) in [
+        ("layers", layers(), curves(square(100.0), (100.0, 1), 50.0, 0.0, 1), POLYESTER.to_string()),
+        ("sheared", layers(), curves([[100.0, 300.0], [0.0, 100.0]], (100.0, 1), 50.0, 0.0, 1), POLYESTER.to_string()),
+        ("plied", plied, curves(square(500.0), (500.0, 4), 27.0, circle, 2), two),
+    ] {
+        let of_curves = TwinCurves::new(name, curves, vec![spec.clone(), spec]).unwrap();
+        let options = TwinOptions { repeats: Some([4, 4]), ..options(views.clone(), 40_000) };
+        let [a, b] =
+            [twin(&fabric, &options, Run::plain()).unwrap(), twin(&of_curves, &options, Run::plain()).unwrap()];
+        for view in 0..views.len() {
+            let sum = b.light(view, 0);
+            let all = sum.reflected + sum.transmitted + sum.straight + b.killed[view];
+            println!("{name}: stopped {} {}", a.killed[view], b.killed[view]);
+            assert!((all - 1.0).abs() < 1e-9 && b.killed[view] < 6e-4, "{name}: {all} {}", b.killed[view]);
+            for sigma in 0..3 {
+                let (one, other) = (a.light(view, sigma), b.light(view, sigma));
+                let off = [
+                    one.reflected - other.reflected,
+                    one.transmitted - other.transmitted,
+                    one.straight - other.straight,
+                ];
+                println!("{name}, view {view}, sigma {sigma}: {one:.4?} {other:.4?}");
+                // Packings differ, and each yarn has one.
+                assert!(off.iter().all(|off| off.abs() < 0.012), "{name}: view {view}, sigma {sigma}: {off:?}");
+            }
+        }
+    }
+}
+
+#[test]
+fn curves_without_their_plies_are_refused() {
+    let cloth = curves([[100.0, 0.0], [0.0, 100.0]], (100.0, 1), 50.0, 0.0, 1);
+    let refused =
+        |curves: &ClothCurves, specs: Vec<String>| TwinCurves::new("x", curves.clone(), specs).unwrap_err().to_string();
+    let spec = POLYESTER.to_string();
+    let message = refused(&cloth, vec![spec.clone()]);
+    assert!(message.contains("give a spec for kind 1"), "{message}");
+    let thin = spec.replace("radius_um = 50.0", "radius_um = 48.0").replace("fibers = 30", "fibers = 20");
+    let message = refused(&cloth, vec![spec.clone(), thin]);
+    assert!(message.contains("radii of 48 and 48 um"), "{message}");
+    let mut skew = cloth.clone();
+    skew.cell_um = [[100.0, 0.0], [100.0 / PI, 100.0]];
+    let message = refused(&skew, vec![spec.clone(), spec.clone()]);
+    assert!(message.contains("make a rectangle"), "{message}");
+    // Its text says all that it needs.
+    let whole = TwinCurves::new("x", cloth, vec![spec.clone(), spec]).unwrap();
+    let again = TwinCurves::parse(whole.text()).unwrap().unwrap();
+    assert_eq!(again.text(), whole.text());
+    assert!(TwinCurves::parse(layers().text()).is_none());
 }

@@ -1,0 +1,294 @@
+//! From a cloth spec to relaxed curves.
+
+use super::files::{self, CurveFormat};
+use super::measure::{ClothMeasures, measure};
+use super::relax::{Chain, Elements, MAX_OVERLAP, Relaxed, relax};
+use super::woven::{Start, woven};
+use super::{bcc, knitted, tg3};
+use crate::error::SimError;
+use plywave::Error;
+use plywave::cloth::{ClothCurves, ClothSpec, ClothWeave, ClothYarn, Lattice, PlyCurve, SourceCurves, YarnOfCloth};
+use plywave::fabric::{Draft, WeaveSpec, Wif};
+
+/// Largest unbalanced force of a relaxed cloth, over the mean tension of a strand.
+const MAX_FORCE: f64 = 0.05;
+/// Factor by which the spacings of a cloth that is too dense grow until it goes, how often at most, and how
+/// often the last step is halved.
+const WIDER: f64 = 1.3;
+const TRIES: i32 = 6;
+const HALVINGS: usize = 4;
+/// Most nodes of a cloth that is relaxed: some minutes of work.
+pub(super) const MAX_NODES: f64 = 5e5;
+
+/// A cloth's curves, and what is known of them.
+#[derive(Clone, Debug)]
+pub struct MadeCloth {
+    /// The curves.
+    pub curves: ClothCurves,
+    /// Measures.
+    pub measures: ClothMeasures,
+    /// How the relaxation ended; `None` for curves that were taken as they are.
+    pub relaxed: Option<Relaxed>,
+    /// What is to be said: of layers that no yarn joins, of twist that was rounded.
+    pub notes: Vec<String>,
+}
+
+/// Makes the curves of a cloth. `read` gives the bytes of the file that a spec names, of a WIF or of curves;
+/// `go_on` is asked at every step of the relaxation and may stop it.
+///
+/// # Errors
+/// [`SimError::Stopped`], and [`Error::Invalid`] for a draft that leaves a yarn unbound, yarns too thick for
+/// their spacing, and files that do not hold what they should.
+pub fn make_cloth(
+    spec: &ClothSpec,
+    file: &str,
+    read: &mut dyn FnMut(&str) -> Result<Vec<u8>, Error>,
+    go_on: &(dyn Fn() -> bool + Sync),
+) -> Result<MadeCloth, SimError> {
+    let mut notes = Vec::new();
+    let invalid = |key: &str, value: String, hint: String| -> SimError {
+        Error::Invalid { file: file.into(), key: key.into(), value, hint }.into()
+    };
+    let Some(made) = spec.made() else {
+        return Err(invalid("weave", "(absent)".into(), "give one of [weave], [knit] and [curves]".into()));
+    };
+    match made {
+        ClothWeave::Woven(weave, yarns) => {
+            let draft = match weave {
+                WeaveSpec::Wif { file: wif } => Wif::parse(&read(wif)?, wif)?.draft,
+                _ => weave
+                    .draft()
+                    .ok_or_else(|| invalid("weave.kind", "a weave without draft".into(), "use another".into()))?,
+            };
+            if let Some((set, thread, up)) = draft.unbound() {
+                let side = if up { "above" } else { "below" };
+                let value = format!("{} {} lies {side} all others", set.name(), thread + 1);
+                return Err(invalid("weave", value, "it cannot be woven: bind every yarn".into()));
+            }
+            if draft != Draft::layers() {
+                notes.extend(draft.layers_note());
+            }
+            for (name, yarn) in [("warp", yarns[0]), ("weft", yarns[1])] {
+                notes.extend(twist_note(name, yarn, &draft, spec));
+            }
+            let spacing = yarns.map(|yarn| yarn.spacing_um().unwrap_or(1.0));
+            let nodes = super::woven::nodes(&draft, yarns, spacing);
+            if nodes > MAX_NODES {
+                let value = format!("{nodes:.1e} nodes");
+                let hint = format!(
+                    "the repeat is too large to relax; use fewer ends, picks or bundles, {MAX_NODES:.0e} nodes at most"
+                );
+                return Err(invalid("weave", value, hint));
+            }
+            let at = |scale: f64| {
+                let start = woven(&draft, yarns, spacing.map(|s| s * scale));
+                start.ok_or_else(|| invalid("weave", "(spacing)".into(), "use spacings above 0".into()))
+            };
+            let (start, relaxed) = relaxed(at(1.0)?, spec.thickness_um, go_on)?;
+            if relaxed.overlap <= MAX_OVERLAP {
+                return finished(start, spec, Some(relaxed), notes);
+            }
+            // Too dense: by how much, and what would go.
+            let overlap_um = relaxed.overlap * 0.5 * (yarns[0].strand_radius_um() + yarns[1].strand_radius_um());
+            let goes = |scale: f64| -> Result<bool, SimError> {
+                Ok(self::relaxed(at(scale)?, spec.thickness_um, go_on)?.1.overlap <= MAX_OVERLAP)
+            };
+            let (mut low, mut high) = (1.0, None);
+            for step in 1..=TRIES {
+                let scale = WIDER.powi(step);
+                if goes(scale)? {
+                    high = Some(scale);
+                    break;
+                }
+                low = scale;
+            }
+            let Some(mut high) = high else {
+                let hint = format!(
+                    "the yarns are too thick: they overlap by {overlap_um:.1} um, and with spacings {low:.1} times as wide \
+                     still; use finer yarns{}",
+                    if spec.thickness_um.is_some() { " or a larger thickness_um" } else { "" }
+                );
+                return Err(invalid("warp.count", format!("{:.2} tex", yarns[0].count.tex()), hint));
+            };
+            for _ in 0..HALVINGS {
+                let middle = 0.5 * (low + high);
+                *(if goes(middle)? { &mut high } else { &mut low }) = middle;
+            }
+            // Rounded so that the next one is not denser.
+            let per_cm = spacing.map(|s| (1e5 / (s * high)).floor() / 10.0);
+            let hint = format!(
+                "the yarns are too thick: they overlap by {overlap_um:.1} um; at most {} ends and {} picks a cm go",
+                per_cm[0], per_cm[1]
+            );
+            Err(invalid("warp.ends_per_cm", yarns[0].ends_per_cm.unwrap_or_default().to_string(), hint))
+        }
+        ClothWeave::Knitted(knit, yarn) => {
+            let start = knitted::knitted(knit, yarn).map_err(|(key, value, hint)| invalid(key, value, hint))?;
+            let (start, relaxed) = relaxed(start, spec.thickness_um, go_on)?;
+            check_overlap(&relaxed, yarn).map_err(|(value, hint)| invalid("yarn.count", value, hint))?;
+            finished(start, spec, Some(relaxed), notes)
+        }
+        ClothWeave::Curves(source, yarn) => {
+            let curves = source_curves(source, yarn, &read(&source.file)?)?;
+            let lattice = curves.lattice(&source.file)?;
+            if !source.relax {
+                let measures = measure(&curves, &lattice, &spec.yarns())?;
+                if measures.overlap > 1.0 {
+                    let value = format!("{:.0} % of a radius", 100.0 * measures.overlap);
+                    return Err(invalid("curves.file", value, "its curves cross each other; use relax = true".into()));
+                }
+                return Ok(MadeCloth { curves, measures, relaxed: None, notes });
+            }
+            let nodes: f64 = curves.curves.iter().map(|curve| nodes_of(curve, &lattice) as f64).sum();
+            if nodes > MAX_NODES {
+                let hint =
+                    format!("its curves are too long to relax; use relax = false, or {MAX_NODES:.0e} nodes at most");
+                return Err(invalid("curves.file", format!("{nodes:.1e} nodes"), hint));
+            }
+            let start = start_of(&curves, lattice, yarn);
+            let (start, relaxed) = relaxed(start, spec.thickness_um, go_on)?;
+            check_overlap(&relaxed, yarn).map_err(|(value, hint)| invalid("yarn.count", value, hint))?;
+            finished(start, spec, Some(relaxed), notes)
+        }
+    }
+}
+
+/// Value and hint where a yarn overlaps itself.
+fn check_overlap(relaxed: &Relaxed, yarn: &YarnOfCloth) -> Result<(), (String, String)> {
+    if relaxed.overlap <= MAX_OVERLAP {
+        return Ok(());
+    }
+    let overlap_um = relaxed.overlap * yarn.strand_radius_um();
+    let hint = format!(
+        "the yarn is too thick: it overlaps itself by {overlap_um:.1} um; use a finer yarn, a longer loop or fewer stitches a cm"
+    );
+    Err((format!("{:.2} tex", yarn.count.tex()), hint))
+}
+
+/// What is to be said of a twist that a periodic cloth cannot have.
+fn twist_note(name: &str, yarn: &YarnOfCloth, draft: &Draft, spec: &ClothSpec) -> Option<String> {
+    if yarn.twist_per_m == 0.0 || yarn.strands() == 1 {
+        return None;
+    }
+    let [i, j, k] = super::woven::least_cell(draft);
+    let spacings = spec.yarns().iter().map(|y| y.spacing_um().unwrap_or(1.0)).collect::<Vec<_>>();
+    let period = match name {
+        "warp" => k as f64 * spacings[1],
+        _ => (k / super::woven::gcd(j, k)) as f64 * i as f64 * spacings[0],
+    };
+    let symmetry = f64::from(yarn.symmetry());
+    let turns = (yarn.twist_per_m * 1e-6 * period * symmetry).round() / symmetry;
+    let used = turns / period * 1e6;
+    let is_near = (used / yarn.twist_per_m - 1.0).abs() < 0.02;
+    (!is_near).then(|| {
+        format!("{name}: {used:.0} turns a meter in place of {:.0}, so that the cloth repeats", yarn.twist_per_m)
+    })
+}
+
+fn relaxed(
+    mut start: Start,
+    thickness_um: Option<f64>,
+    go_on: &(dyn Fn() -> bool + Sync),
+) -> Result<(Start, Relaxed), SimError> {
+    start.elements.thickness_um = thickness_um;
+    let relaxed = relax(&mut start.elements, go_on).ok_or(SimError::Stopped)?;
+    Ok((start, relaxed))
+}
+
+fn finished(
+    start: Start,
+    spec: &ClothSpec,
+    relaxed: Option<Relaxed>,
+    mut notes: Vec<String>,
+) -> Result<MadeCloth, SimError> {
+    if let Some(relaxed) = relaxed.filter(|relaxed| relaxed.force > MAX_FORCE) {
+        notes.push(format!(
+            "forces up to {:.2} of the tension are not balanced after {} steps",
+            relaxed.force, relaxed.steps
+        ));
+    }
+    let lattice = start.elements.lattice;
+    let curves =
+        start.elements.chains.iter().zip(&start.of_chain).map(|(chain, yarn)| smooth(chain, *yarn, &lattice)).collect();
+    let curves = ClothCurves { cell_um: lattice.cell_um, yarns: start.yarns, curves };
+    let measures = measure(&curves, &lattice, &spec.yarns())?;
+    Ok(MadeCloth { curves, measures, relaxed, notes })
+}
+
+/// The curve of a chain, which lies at the mean height of its elements: they are chords, by l^2 kappa / 12
+/// within the arc through their nodes. A spline through nodes lies on that arc, one that has them as
+/// control points l^2 kappa / 6 within it.
+fn smooth(chain: &Chain, yarn: u32, lattice: &Lattice) -> PlyCurve {
+    let mut curve = PlyCurve::through(yarn, chain.radius_um, chain.shift, &chain.points_um, lattice);
+    for (control, node) in curve.control_um.iter_mut().zip(&chain.points_um) {
+        *control = std::array::from_fn(|k| 0.5 * (control[k] + node[k]));
+    }
+    curve
+}
+
+/// Chains of curves that were read.
+fn start_of(curves: &ClothCurves, lattice: Lattice, yarn: &YarnOfCloth) -> Start {
+    let chains = curves
+        .curves
+        .iter()
+        .map(|curve| {
+            let nodes = nodes_of(curve, &lattice);
+            let knots = curve.control_um.len() as f64;
+            let points_um = (0..nodes).map(|i| curve.at(&lattice, i as f64 * knots / nodes as f64).point_um).collect();
+            Chain {
+                points_um,
+                shift: curve.shift,
+                radius_um: curve.radius_um,
+                tension: yarn.tension,
+                bending: yarn.stiffness * yarn.tension * curve.radius_um * curve.radius_um,
+                // Curves of other programs keep the length of their yarn.
+                length_um: Some(curve.length_um(&lattice)),
+            }
+        })
+        .collect();
+    let elements = Elements { lattice, chains, stations: Vec::new(), thickness_um: None };
+    Start { elements, yarns: curves.yarns.clone(), of_chain: curves.curves.iter().map(|c| c.yarn).collect() }
+}
+
+/// Nodes of a curve that was read.
+fn nodes_of(curve: &PlyCurve, lattice: &Lattice) -> usize {
+    ((curve.length_um(lattice) / (super::woven::ELEMENT[0] * curve.radius_um)).ceil().min(1e9) as usize).max(8)
+}
+
+/// Curves of a file.
+fn source_curves(source: &SourceCurves, yarn: &YarnOfCloth, bytes: &[u8]) -> Result<ClothCurves, SimError> {
+    let file = &source.file;
+    let refuse =
+        |what: String, hint: &str| -> SimError { Error::Format { file: file.clone(), what, hint: hint.into() }.into() };
+    let text = || {
+        std::str::from_utf8(bytes).map_err(|_| refuse("it is not UTF-8 text".into(), "use the file as it was written"))
+    };
+    match CurveFormat::of(file) {
+        Some(CurveFormat::Toml) => Ok(ClothCurves::parse(text()?, file)?),
+        Some(CurveFormat::Bcc) => {
+            let bcc = bcc::read(bytes).map_err(|what| refuse(what, "use a .bcc file of open curves"))?;
+            let Some(cell_um) = source.cell_um else {
+                return Err(Error::Invalid {
+                    file: file.clone(),
+                    key: "curves.cell_um".into(),
+                    value: "(absent)".into(),
+                    hint: "a .bcc has no cell: give the two vectors after which its curves repeat".into(),
+                }
+                .into());
+            };
+            files::from_bcc(&bcc, cell_um, source.um_per_unit.unwrap_or(1.0), yarn)
+                .map_err(|what| refuse(what, "use curves that repeat after vectors of cell_um"))
+        }
+        Some(CurveFormat::Tg3) => {
+            let tg3 = tg3::read(text()?).map_err(|what| refuse(what, "use a .tg3 file of TexGen"))?;
+            files::from_tg3(&tg3, source.cell_um, source.um_per_unit.unwrap_or(1000.0), yarn)
+                .map_err(|what| refuse(what, "use yarns with Repeat vectors in the plane"))
+        }
+        None => Err(refuse("its ending is not known".into(), "use .bcc, .tg3 or .toml")),
+    }
+}
+
+/// One yarn for each curve that was read.
+pub(super) fn yarn_of(number: usize, period: [i32; 2]) -> ClothYarn {
+    ClothYarn { kind: 0, number: number as i32, step: [0, 0], period }
+}

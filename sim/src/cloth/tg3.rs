@@ -1,0 +1,178 @@
+//! Models of TexGen (`.tg3`): XML with the yarns of a textile. Of the many elements that TexGen writes
+//! these are read: `MasterNode` (Position), `Repeat` (value), the first section of `YarnSection` (Width and
+//! Height). Lengths are in the unit of the model, usually mm. TexGen: L. P. Brown and A. C. Long,
+//! "Modelling the geometry of textile reinforcements for composites: TexGen", in P. Boisse (ed.), Composite
+//! reinforcements for optimum performance, 2nd ed. (2021).
+
+use roxmltree::{Document, Node, ParsingOptions};
+use std::fmt::Write;
+
+/// Most yarns, and most nodes of all.
+const MAX_NODES: usize = 1 << 20;
+
+/// A yarn.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Tg3Yarn {
+    /// Master nodes.
+    pub nodes: Vec<[f64; 3]>,
+    /// Vectors by which the yarn repeats.
+    pub repeats: Vec<[f64; 3]>,
+    /// Size of its section; 0 where the file has none of width and height.
+    pub width: f64,
+    pub height: f64,
+}
+
+/// A model with one textile.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Tg3 {
+    pub name: String,
+    pub yarns: Vec<Tg3Yarn>,
+}
+
+fn numbers(node: Node<'_, '_>, name: &str) -> Result<[f64; 3], String> {
+    let text = node.attribute(name).unwrap_or_default();
+    let parts: Option<Vec<f64>> =
+        text.split(',').map(|part| part.trim().parse().ok().filter(|x: &f64| x.is_finite())).collect();
+    let parts = parts.and_then(|parts| <[f64; 3]>::try_from(parts).ok());
+    parts.ok_or_else(|| {
+        let what = node.tag_name().name();
+        format!("{name} of a {what} is {:?}, not three numbers", text.chars().take(40).collect::<String>())
+    })
+}
+
+fn number(node: Node<'_, '_>, name: &str) -> f64 {
+    let value = node.attribute(name).and_then(|text| text.trim().parse().ok()).filter(|x: &f64| x.is_finite());
+    value.unwrap_or(0.0).max(0.0)
+}
+
+/// Reads a file; what is wrong with it otherwise, in words. Of several textiles the first counts.
+pub(super) fn read(text: &str) -> Result<Tg3, String> {
+    let options = ParsingOptions { nodes_limit: 1 << 24, ..ParsingOptions::default() };
+    let document = Document::parse_with_options(text, options).map_err(|e| format!("it is not XML: {e}"))?;
+    let textile = document.descendants().find(|node| node.has_tag_name("Textile"));
+    let textile = textile.ok_or("it has no Textile")?;
+    let mut yarns = Vec::new();
+    let mut count = 0;
+    for yarn in textile.children().filter(|node| node.has_tag_name("Yarn")) {
+        let nodes = yarn.children().filter(|node| node.has_tag_name("MasterNode"));
+        let nodes = nodes.map(|node| numbers(node, "Position")).collect::<Result<Vec<_>, _>>()?;
+        let repeats = yarn.children().filter(|node| node.has_tag_name("Repeat"));
+        let repeats = repeats.map(|node| numbers(node, "value")).collect::<Result<Vec<_>, _>>()?;
+        // A section that changes along the yarn counts by its mean.
+        let sections: Vec<Node<'_, '_>> = yarn.descendants().filter(|node| node.has_tag_name("Section")).collect();
+        let count_of = sections.len().max(1) as f64;
+        let [width, height] = ["Width", "Height"]
+            .map(|name| sections.iter().map(|section| number(*section, name)).sum::<f64>() / count_of);
+        count += nodes.len();
+        if count > MAX_NODES {
+            return Err(format!("it has more than {MAX_NODES} nodes"));
+        }
+        yarns.push(Tg3Yarn { nodes, repeats, width, height });
+    }
+    if yarns.is_empty() {
+        let hint = "in TexGen save it with full output";
+        return Err(format!("its Textile has no Yarn: {hint}"));
+    }
+    Ok(Tg3 { name: textile.attribute("name").unwrap_or_default().into(), yarns })
+}
+
+/// The text of a file: constant elliptical sections, periodic cubic curves, a box of one period as domain.
+/// Opened with TexGen 3.14.
+pub(super) fn write(tg3: &Tg3) -> String {
+    let name: String = tg3.name.chars().filter(|c| !"<>&\"'".contains(*c) && !c.is_control()).collect();
+    let xyz = |p: &[f64; 3]| format!("{:?}, {:?}, {:?}", p[0], p[1], p[2]);
+    let mut out = String::new();
+    // Writing to a string does not fail.
+    let mut line = |text: std::fmt::Arguments<'_>| {
+        let _ = out.write_fmt(format_args!("{text}\n"));
+    };
+    line(format_args!("<?xml version=\"1.0\" ?>\n<TexGenModel version=\"3.13.2\">"));
+    line(format_args!("<Textile name=\"{name}\" GeometryScale=\"mm\" type=\"CTextile\" NeedsBuilding=\"0\">"));
+    line(format_args!("<Domain type=\"CDomainPlanes\">"));
+    let [low, high] = domain(&tg3.yarns);
+    for axis in 0..3 {
+        for (sign, d) in [(1.0, low[axis]), (-1.0, -high[axis])] {
+            let normal = std::array::from_fn(|k| if k == axis { sign } else { 0.0 });
+            line(format_args!("<Plane Normal=\"{}\" d=\"{d:?}\" />", xyz(&normal)));
+        }
+    }
+    line(format_args!("</Domain>"));
+    for (index, yarn) in tg3.yarns.iter().enumerate() {
+        // TexGen takes so many points of the whole center line.
+        let samples = (6 * yarn.nodes.len()).clamp(20, 100_000);
+        let points = format_args!("NumSlaveNodes=\"{samples}\" NumSectionPoints=\"40\"");
+        line(format_args!("<Yarn index=\"{index}\" {points} NeedsBuilding=\"7\">"));
+        line(format_args!("<Interpolation Periodic=\"1\" type=\"CInterpolationCubic\" />"));
+        line(format_args!("<YarnSection type=\"CYarnSectionConstant\">"));
+        let size = format_args!("Width=\"{:?}\" Height=\"{:?}\"", yarn.width, yarn.height);
+        line(format_args!("<Section type=\"CSectionEllipse\" {size} />"));
+        line(format_args!("</YarnSection>"));
+        for repeat in &yarn.repeats {
+            line(format_args!("<Repeat value=\"{}\" />", xyz(repeat)));
+        }
+        for (i, node) in yarn.nodes.iter().enumerate() {
+            let (before, after) = (yarn.nodes[i.saturating_sub(1)], yarn.nodes[(i + 1).min(yarn.nodes.len() - 1)]);
+            let [x, y, z] = [0, 1, 2].map(|k| after[k] - before[k]);
+            // Up must not lie along the yarn.
+            let up = if z.abs() > 7.0 * x.hypot(y) { "0, 1, 0" } else { "0, 0, 1" };
+            let place = format_args!("index=\"{i}\" Position=\"{}\"", xyz(node));
+            line(format_args!("<MasterNode {place} Tangent=\"0, 0, 0\" Up=\"{up}\" />"));
+        }
+        line(format_args!("</Yarn>"));
+    }
+    line(format_args!("</Textile>\n</TexGenModel>"));
+    out
+}
+
+/// Lower and upper corner of a box of one period.
+fn domain(yarns: &[Tg3Yarn]) -> [[f64; 3]; 2] {
+    let mut corners = [[0.0; 3]; 2];
+    for axis in 0..3 {
+        let repeats = yarns.iter().flat_map(|yarn| &yarn.repeats);
+        let period = repeats.fold(0.0, |period: f64, repeat| period.max(repeat[axis].abs()));
+        let reach = yarns.iter().map(|yarn| 0.55 * yarn.width.max(yarn.height)).fold(0.0, f64::max);
+        let all = || yarns.iter().flat_map(|yarn| &yarn.nodes).map(|node| node[axis]);
+        let (low, high) = (all().fold(f64::INFINITY, f64::min), all().fold(f64::NEG_INFINITY, f64::max));
+        (corners[0][axis], corners[1][axis]) =
+            if period > 0.0 { (low, low + period) } else { (low - reach, high + reach) };
+    }
+    corners
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn sample() -> Tg3 {
+        let yarn = |y: f64| Tg3Yarn {
+            nodes: (0..5).map(|i| [0.25 * f64::from(i), y, 0.1]).collect(),
+            repeats: vec![[1.0, 0.0, 0.0], [0.0, 2.0, 0.0]],
+            width: 0.5,
+            height: 0.25,
+        };
+        Tg3 { name: "plain".into(), yarns: vec![yarn(0.0), yarn(1.0)] }
+    }
+
+    #[test]
+    fn files_come_back_and_damaged_ones_are_refused() {
+        let text = write(&sample());
+        assert_eq!(read(&text).unwrap(), sample());
+        for end in (0..text.len() - 1).step_by(3) {
+            let _ = read(&text[..end]);
+        }
+        for (from, to, want) in [
+            ("</Yarn>", "", "not XML"),
+            ("<Textile", "<Cloth", "not XML"),
+            ("Position=\"0.25", "Position=\"nan", "not three numbers"),
+            ("Position=\"0.25, ", "Position=\"", "not three numbers"),
+            ("Repeat value", "Repeat other", "value of a Repeat"),
+        ] {
+            let message = read(&text.replacen(from, to, 1)).unwrap_err();
+            assert!(message.contains(want) && message.lines().count() == 1, "{from}: {message}");
+        }
+        assert!(read("<TexGenModel/>").unwrap_err().contains("no Textile"));
+        assert!(read("<TexGenModel><Textile/></TexGenModel>").unwrap_err().contains("full output"));
+        let many = Tg3 { name: "<&\"".into(), ..sample() };
+        assert_eq!(read(&write(&many)).unwrap().name, "");
+    }
+}

@@ -1,0 +1,207 @@
+//! The start of a woven cloth: from a draft and its yarns to chains that do not yet touch as they should.
+//!
+//! The cell is the least that the draft allows: a five-end satin is one end and one pick, moved by two picks
+//! from end to end, and not five of each.
+
+use super::relax::{Chain, Elements};
+use plywave::cloth::{ClothYarn, Lattice, YarnOfCloth};
+use plywave::fabric::Draft;
+use std::f64::consts::{PI, TAU};
+
+/// Length of an element over its strand's radius: of plies, and of bundles.
+pub(super) const ELEMENT: [f64; 2] = [0.33, 0.6];
+
+/// Chains with the yarns that they belong to.
+pub(super) struct Start {
+    pub elements: Elements,
+    pub yarns: Vec<ClothYarn>,
+    /// Yarn of each chain.
+    pub of_chain: Vec<u32>,
+}
+
+/// Least cell of a draft in ends and picks: the vectors (i, j) and (0, k).
+pub(super) fn least_cell(draft: &Draft) -> [usize; 3] {
+    let (ends, picks) = (draft.ends(), draft.picks());
+    let is_same = |i: usize, j: usize| {
+        (0..picks).all(|p| (0..ends).all(|e| draft.up(p, e) == draft.up((p + j) % picks, (e + i) % ends)))
+    };
+    let k = (1..picks).find(|k| picks % k == 0 && is_same(0, *k)).unwrap_or(picks);
+    let first = (1..ends).filter(|i| ends % i == 0).find_map(|i| (0..k).find(|j| is_same(i, *j)).map(|j| (i, j)));
+    let (i, j) = first.unwrap_or((ends, 0));
+    [i, j, k]
+}
+
+/// Estimate of the nodes of a draft's least cell.
+pub(super) fn nodes(draft: &Draft, yarns: [&YarnOfCloth; 2], spacing_um: [f64; 2]) -> f64 {
+    let [i, _, k] = least_cell(draft);
+    let crossings = (i * k) as f64;
+    let of = |set: usize| {
+        let yarn = yarns[set];
+        crossings * spacing_um[1 - set] / element_um(yarn) * yarn.strands() as f64
+    };
+    of(0) + of(1)
+}
+
+/// Length of an element of a yarn [um].
+pub(super) fn element_um(yarn: &YarnOfCloth) -> f64 {
+    ELEMENT[usize::from(yarn.bundles > 1)] * yarn.strand_radius_um()
+}
+
+pub(super) fn gcd(a: usize, b: usize) -> usize {
+    if b == 0 { a } else { gcd(b, a % b) }
+}
+
+/// Height of a yarn `u` um along it: over crossings `spacing` apart it lies `amplitude` up or down.
+fn height(amplitude: f64, spacing: f64, is_up: &dyn Fn(i64) -> bool, u: f64) -> f64 {
+    let f = u / spacing - 0.5;
+    let crossing = f.floor();
+    let at = |k: i64| if is_up(k) { amplitude } else { -amplitude };
+    let w = 0.5 - 0.5 * (PI * (f - crossing)).cos();
+    (1.0 - w) * at(crossing as i64) + w * at(crossing as i64 + 1)
+}
+
+/// The start of a draft with the yarns of warp and weft, and the distances from axis to axis [um].
+/// `None` for vectors that span no cell, which distances above 0 exclude.
+pub(super) fn woven(draft: &Draft, yarns: [&YarnOfCloth; 2], spacing_um: [f64; 2]) -> Option<Start> {
+    let [i, j, k] = least_cell(draft);
+    let [sx, sy] = spacing_um;
+    let lattice = Lattice::new([[i as f64 * sx, j as f64 * sy], [0.0, k as f64 * sy]])?;
+    let elements = Elements { lattice, chains: Vec::new(), stations: Vec::new(), thickness_um: None };
+    let mut start = Start { elements, yarns: Vec::new(), of_chain: Vec::new() };
+    let apart = yarns[0].radius_um() + yarns[1].radius_um();
+    // The looser yarn bends more.
+    let tension = yarns.map(|yarn| if yarn.crimp_percent.is_some() { 1.0 } else { yarn.tension });
+    let share = tension[1] / (tension[0] + tension[1]);
+    let amplitude = [apart * share, apart * (1.0 - share)];
+    let (ends, picks) = (draft.ends() as i64, draft.picks() as i64);
+    for end in 0..i {
+        let yarn = ClothYarn { kind: 0, number: end as i32, step: [i as i32, 0], period: [0, 1] };
+        let up = |pick: i64| draft.up(pick.rem_euclid(picks) as usize, end);
+        let z = |u: f64| height(amplitude[0], sy, &up, u);
+        start.add(yarns[0], yarn, [(end as f64 + 0.5) * sx, 0.0], z);
+    }
+    // A pick that goes on through the cells on its right is another pick of theirs.
+    let wefts = gcd(j, k);
+    let cells = (k / wefts) as i32;
+    for pick in 0..wefts {
+        let period = [cells, -((cells as usize * j / k) as i32)];
+        let yarn = ClothYarn { kind: 1, number: pick as i32, step: [j as i32, k as i32], period };
+        let up = |end: i64| !draft.up(pick, end.rem_euclid(ends) as usize);
+        let z = |u: f64| height(amplitude[1], sx, &up, u);
+        start.add(yarns[1], yarn, [0.0, (pick as f64 + 0.5) * sy], z);
+    }
+    Some(start)
+}
+
+impl Start {
+    /// Adds the strands of a yarn that is straight in the plane: its axis starts at `from` and has the height
+    /// `z` along it [um].
+    fn add(&mut self, spec: &YarnOfCloth, yarn: ClothYarn, from: [f64; 2], z: impl Fn(f64) -> f64) {
+        let way = self.elements.lattice.vector(yarn.period);
+        let period_um = way[0].hypot(way[1]);
+        let along = way.map(|v| v / period_um);
+        let axis = |s: f64| {
+            // Across is to the left of the way, seen from above.
+            let u = s * period_um;
+            (
+                [from[0] + u * along[0], from[1] + u * along[1], z(s.rem_euclid(1.0) * period_um)],
+                [-along[1], along[0], 0.0],
+            )
+        };
+        self.add_along(spec, yarn, period_um, axis);
+    }
+
+    /// Adds the strands of a yarn about an axis: `axis` gives point and the unit vector across at `s`, which
+    /// grows by 1 a period and may go on beyond it. `length_um` is that of a period.
+    pub fn add_along(
+        &mut self,
+        spec: &YarnOfCloth,
+        yarn: ClothYarn,
+        length_um: f64,
+        axis: impl Fn(f64) -> ([f64; 3], [f64; 3]),
+    ) {
+        let radius_um = spec.strand_radius_um();
+        let places: Vec<[f64; 2]> = spec.section().iter().map(|p| p.map(|v| v * radius_um)).collect();
+        let count = places.len();
+        let nodes = ((length_um / element_um(spec)).ceil() as usize).max(8);
+        // The twist is rounded to one by which the section comes back to itself after a period.
+        let symmetry = f64::from(spec.symmetry());
+        let parts = if count > 1 { (spec.twist_per_um() * length_um * symmetry).round() } else { 0.0 };
+        let turn = TAU * parts / symmetry;
+        let turned = |p: [f64; 2], angle: f64| {
+            let (sin, cos) = angle.sin_cos();
+            [p[0] * cos - p[1] * sin, p[0] * sin + p[1] * cos]
+        };
+        let image = |k: usize| {
+            let q = turned(places[k], turn);
+            let off = |i: usize| (places[i][0] - q[0]).hypot(places[i][1] - q[1]);
+            (0..count).min_by(|a, b| off(*a).total_cmp(&off(*b))).unwrap_or(k)
+        };
+        let tension = if spec.crimp_percent.is_some() { 1.0 } else { spec.tension } / count as f64;
+        // By strand: its chain, and after how many periods along it.
+        let mut of: Vec<Option<(usize, usize)>> = vec![None; count];
+        let index = self.yarns.len() as u32;
+        for first in 0..count {
+            if of[first].is_some() {
+                continue;
+            }
+            let (chain, mut periods, mut strand) = (self.elements.chains.len(), 0, first);
+            let mut points_um = Vec::new();
+            while of[strand].is_none() {
+                of[strand] = Some((chain, periods));
+                for i in 0..nodes {
+                    let s = (i as f64 + 0.5) / nodes as f64;
+                    let (point, across) = axis(s + periods as f64);
+                    let [c, n] = turned(places[strand], turn * s);
+                    points_um.push([point[0] + c * across[0], point[1] + c * across[1], point[2] + c * across[2] + n]);
+                }
+                periods += 1;
+                strand = image(strand);
+            }
+            let off = places[first][0].hypot(places[first][1]);
+            let held = spec.crimp_percent.map(|crimp| {
+                let own = length_um * (1.0 + 0.01 * crimp);
+                periods as f64 * own.hypot(turn * off)
+            });
+            self.elements.chains.push(Chain {
+                points_um,
+                shift: yarn.period.map(|p| p * periods as i32),
+                radius_um,
+                tension,
+                bending: spec.stiffness * tension * radius_um * radius_um,
+                length_um: held,
+            });
+            self.of_chain.push(index);
+        }
+        self.yarns.push(yarn);
+        if count > 1 {
+            let yarn_radius = spec.radius_um();
+            let cohesion = spec.cohesion * tension / (yarn_radius * yarn_radius);
+            for i in 0..nodes {
+                let station = of
+                    .iter()
+                    .flatten()
+                    .map(|(chain, periods)| (*chain, periods * nodes + i, yarn.period.map(|p| -(*periods as i32) * p)));
+                self.elements.stations.push((station.collect(), cohesion, length_um / nodes as f64));
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A least cell moves the draft onto itself, and no smaller one does.
+    #[test]
+    fn least_cells_are_those_of_weavers() {
+        assert_eq!(least_cell(&Draft::plain()), [1, 1, 2]);
+        assert_eq!(least_cell(&Draft::satin(5, 2).unwrap()), [1, 3, 5]);
+        assert_eq!(least_cell(&Draft::twill(3, 1).unwrap()), [1, 1, 4]);
+        assert_eq!(least_cell(&Draft::basket(2).unwrap()), [2, 2, 4]);
+        assert_eq!(least_cell(&Draft::layers()), [1, 0, 1]);
+        // Twice a plain weave, written out.
+        let wide = Draft::from_fn(4, 6, |pick, end| (pick + end) % 2 == 0).unwrap();
+        assert_eq!(least_cell(&wide), [1, 1, 2]);
+    }
+}

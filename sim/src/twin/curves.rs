@@ -1,0 +1,501 @@
+//! The twin of a cloth of curves: every fiber of every ply swept along the ply's curve.
+//!
+//! The traced domain is a rectangle of whole cells. A curve and its images form closed loops on it, each with
+//! packed sections of its own. Sections stand at right angles to the curve and turn with a
+//! rotation-minimizing frame (Wang, Juettler, Zheng and Liu, "Computation of rotation minimizing frames", ACM
+//! Transactions on Graphics 27, 2008), to which fibers wind by the twist of their spec, changed a little so
+//! that they close. The domain holds each piece of a tube that reaches into it.
+
+use super::domain::{Domain, MAX_QUADS, PitchUsed, outline_share};
+use super::options::TwinMesh;
+use super::strand::{V3, unit};
+use super::sweep::{ClothMesh, ThreadOfFiber, ring};
+use crate::error::SimError;
+use crate::geometry::outline::Outline;
+use crate::geometry::section::PlySection;
+use crate::simulate::stream;
+use nalgebra::Rotation2;
+use plywave::Error;
+use plywave::cloth::{ClothCurves, Lattice, PlyCurve};
+use plywave::fabric::YarnSet;
+use plywave::math::vec3::{cross, dot};
+use plywave::spec::YarnSpec;
+use rand::RngExt;
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+use std::f64::consts::TAU;
+
+/// Largest difference of a curve's radius from its ply's, over it.
+const MAX_RADIUS_OFF: f64 = 0.02;
+/// Most vectors of the cell along a side of the least rectangle.
+const MAX_CELLS: i32 = 512;
+/// Least number of yarns of a kind that a domain has of its own.
+const MIN_YARNS: usize = 4;
+/// Largest sides of a domain that is chosen [repeats].
+const MAX_REPEATS: u32 = 8;
+/// Length by which pieces reach beyond the domain [um].
+const MARGIN_UM: f64 = 5.0;
+
+/// A cloth of explicit fibers along curves.
+#[derive(Clone, Debug)]
+pub struct TwinCurves {
+    /// Name of the cloth.
+    pub name: String,
+    /// Curves of its plies.
+    pub curves: ClothCurves,
+    /// Specs of the plies, by kind of yarn.
+    pub yarns: Vec<YarnSpec>,
+    lattice: Lattice,
+    /// The least rectangle: two combinations of the vectors of the cell, along x and along y.
+    rectangle: [[i32; 2]; 2],
+    text: String,
+}
+
+/// The text of a cloth, as JSON.
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Text {
+    name: String,
+    curves: ClothCurves,
+    /// Texts of the yarn specs.
+    yarns: Vec<String>,
+}
+
+fn refuse(key: &str, value: String, hint: String) -> SimError {
+    Error::Invalid { file: "cloth".into(), key: key.into(), value, hint }.into()
+}
+
+/// The least combination of the vectors along an axis.
+fn along_axis(lattice: &Lattice, axis: usize) -> Option<[i32; 2]> {
+    let scale = lattice.area_um2().sqrt();
+    let of = |i: i32, j: i32| lattice.vector([i, j]);
+    let mut best: Option<(f64, [i32; 2])> = None;
+    for i in -MAX_CELLS..=MAX_CELLS {
+        // The multiple of the second vector that brings the other coordinate nearest to 0.
+        let (a, b) = (of(i, 0)[1 - axis], of(0, 1)[1 - axis]);
+        let candidates = if b.abs() > 1e-9 * scale { vec![(-a / b).round() as i32] } else { (-1..=1).collect() };
+        for j in candidates.into_iter().filter(|j| j.abs() <= MAX_CELLS) {
+            let v = of(i, j);
+            if v[1 - axis].abs() < 1e-6 * scale
+                && v[axis] > 1e-6 * scale
+                && best.is_none_or(|(least, _)| v[axis] < least)
+            {
+                best = Some((v[axis], [i, j]));
+            }
+        }
+    }
+    best.map(|(_, steps)| steps)
+}
+
+impl TwinCurves {
+    /// A cloth from curves and, by kind of yarn, the text of the spec of its plies.
+    ///
+    /// # Errors
+    /// [`plywave::Error::Invalid`] for a kind without spec, plies of another radius than the curves, and
+    /// cells that no rectangle has; those of the yarn specs.
+    pub fn new(name: &str, curves: ClothCurves, specs: Vec<String>) -> Result<TwinCurves, SimError> {
+        curves.check("cloth")?;
+        let lattice = curves.lattice("cloth")?;
+        let yarns = specs.iter().map(|text| YarnSpec::parse(text, "yarn")).collect::<Result<Vec<_>, _>>()?;
+        for curve in &curves.curves {
+            let kind = curves.yarns[curve.yarn as usize].kind as usize;
+            let Some(spec) = yarns.get(kind) else {
+                return Err(refuse("yarns", format!("{} specs", yarns.len()), format!("give a spec for kind {kind}")));
+            };
+            let [a, b] = spec.ply_radii_um();
+            if (a - curve.radius_um).abs() > MAX_RADIUS_OFF * a || (b - curve.radius_um).abs() > MAX_RADIUS_OFF * b {
+                let hint = format!("plies of {} have radii of {a} and {b} um; use a model of such plies", spec.name);
+                return Err(refuse("radius_um", format!("{:.2}", curve.radius_um), hint));
+            }
+        }
+        let (Some(x), Some(y)) = (along_axis(&lattice, 0), along_axis(&lattice, 1)) else {
+            let hint = format!("use a cell of which {MAX_CELLS} or fewer make a rectangle along x and y");
+            return Err(refuse("cell_um", format!("{:?}", curves.cell_um), hint));
+        };
+        let text = Text { name: name.into(), curves: curves.clone(), yarns: specs };
+        // Strings, finite numbers and lists: nothing that JSON cannot hold.
+        let text = serde_json::to_string(&text).unwrap_or_default();
+        Ok(TwinCurves { name: name.into(), curves, yarns, lattice, rectangle: [x, y], text })
+    }
+
+    /// A cloth from its own text; `None` for text of another kind.
+    ///
+    /// # Errors
+    /// As [`TwinCurves::new`].
+    pub fn parse(text: &str) -> Option<Result<TwinCurves, SimError>> {
+        let Text { name, curves, yarns } = serde_json::from_str(text).ok()?;
+        Some(TwinCurves::new(&name, curves, yarns))
+    }
+
+    /// Its text: all that the fibers depend on, except the seed.
+    pub fn text(&self) -> &str {
+        &self.text
+    }
+
+    /// Size of the least rectangle along x and y [um].
+    pub fn repeat_um(&self) -> [f64; 2] {
+        [0, 1].map(|k| self.lattice.vector(self.rectangle[k])[k])
+    }
+
+    /// The domain, of these repeats or of as many as give each kind of yarn some of its own.
+    pub(super) fn domain(&self, repeats: Option<[u32; 2]>, mesh: &TwinMesh) -> Domain {
+        let of = |repeats: [u32; 2]| {
+            let loops = self.loops(repeats);
+            let mut yarns = [0; 2];
+            for kind in 0..2 {
+                let mut all: Vec<u32> = loops.iter().filter(|l| l.kind.min(1) == kind).map(|l| l.yarn).collect();
+                all.sort_unstable();
+                all.dedup();
+                yarns[kind] = all.len() as u32;
+            }
+            let repeat = self.repeat_um();
+            let size_um = [0, 1].map(|k| repeat[k] * f64::from(repeats[k]));
+            let pitches = loops.iter().flat_map(|l| self.pitch(l)).fold(Vec::<PitchUsed>::new(), |mut all, pitch| {
+                if !all.iter().any(|p| p.family == pitch.family) {
+                    all.push(pitch);
+                }
+                all
+            });
+            Domain { repeats, size_um, yarns, pitches }
+        };
+        if let Some(given) = repeats {
+            return of(given.map(|n| n.max(1)));
+        }
+        let kinds = 1 + usize::from(self.curves.yarns.iter().any(|yarn| yarn.kind > 0));
+        let mut best = of([1, 1]);
+        for n in 1..=MAX_REPEATS {
+            let domain = of([n, n]);
+            if self.estimate(domain.repeats, mesh) > MAX_QUADS {
+                break;
+            }
+            let enough = domain.yarns[..kinds].iter().all(|count| *count as usize >= MIN_YARNS);
+            best = domain;
+            if enough {
+                break;
+            }
+        }
+        best
+    }
+
+    /// The pitch of a loop's fibers, with that of the spec.
+    fn pitch(&self, of: &Loop<'_>) -> Option<PitchUsed> {
+        let spec_um = self.yarns[of.kind].ply.fiber_pitch_um?;
+        let path = Path::new(self, of, &TwinMesh::default(), self.yarns[of.kind].ply.twist_per_um());
+        let used_um = TAU / path.twist.abs().max(1e-12);
+        Some(PitchUsed { family: YarnSet::EACH[of.kind.min(1)], of_plies: false, spec_um, used_um })
+    }
+
+    /// Place of a combination of vectors on the torus of the domain, as two whole numbers.
+    fn place(&self, steps: [i32; 2], size: [f64; 2]) -> [i64; 2] {
+        let v = self.lattice.vector(steps);
+        [0, 1].map(|k| (((v[k] / size[k] + 1e-7).rem_euclid(1.0)) * 1e6).round() as i64)
+    }
+
+    /// The closed loops of a domain.
+    fn loops(&self, repeats: [u32; 2]) -> Vec<Loop<'_>> {
+        let repeat = self.repeat_um();
+        let size = [0, 1].map(|k| repeat[k] * f64::from(repeats[k]));
+        // All cells of the domain.
+        let mut cells = BTreeMap::from([(self.place([0; 2], size), [0; 2])]);
+        let mut next = vec![[0i32; 2]];
+        while let Some(at) = next.pop() {
+            for step in [[1, 0], [0, 1]] {
+                let there = [at[0] + step[0], at[1] + step[1]];
+                if cells.insert(self.place(there, size), there).is_none() {
+                    next.push(there);
+                }
+            }
+        }
+        let plus = |a: [i32; 2], b: [i32; 2]| [a[0] + b[0], a[1] + b[1]];
+        let (mut loops, mut yarns) = (Vec::new(), BTreeMap::new());
+        for curve in &self.curves.curves {
+            let yarn = &self.curves.yarns[curve.yarn as usize];
+            let mut seen: Vec<[i64; 2]> = Vec::new();
+            for (place, start) in &cells {
+                if seen.contains(place) {
+                    continue;
+                }
+                let (mut at, mut periods) = (*start, 0);
+                loop {
+                    seen.push(self.place(at, size));
+                    at = plus(at, curve.shift);
+                    periods += 1;
+                    if self.place(at, size) == *place {
+                        break;
+                    }
+                }
+                // Images of the yarn along its period are the same yarn: the least place names it.
+                let mut name = *place;
+                let mut image = *start;
+                for _ in 0..cells.len() {
+                    image = plus(image, yarn.period);
+                    name = name.min(self.place(image, size));
+                }
+                let count = yarns.len() as u32;
+                let number = *yarns.entry((curve.yarn, name)).or_insert(count);
+                loops.push(Loop { curve, kind: yarn.kind as usize, yarn: number, start: *start, periods });
+            }
+        }
+        // The tracer has the fibers of the first kind first.
+        loops.sort_by_key(|l| l.kind.min(1));
+        loops
+    }
+
+    /// Estimate of the number of quads, before sections are packed.
+    pub(super) fn estimate(&self, repeats: [u32; 2], options: &TwinMesh) -> f64 {
+        let of = |l: &Loop<'_>| {
+            let spec = &self.yarns[l.kind];
+            let length = l.curve.length_um(&self.lattice) * l.periods as f64;
+            let turn = spec.ply.twist_per_um().abs() + 0.005;
+            let rings = length * (turn / options.turn_rad.max(1e-3)).max(1.0 / options.step_um.max(0.1));
+            let shape = spec.fibers().map(|fiber| outline_share(&fiber.shape)).fold(0.0, f64::max);
+            rings * f64::from(options.outline_points) * shape * f64::from(spec.ply.fibers)
+        };
+        self.loops(repeats).iter().map(of).sum()
+    }
+
+    /// The quads of a domain.
+    ///
+    /// # Errors
+    /// [`SimError::CannotPack`] and the like, [`SimError::TwinTooLarge`].
+    pub(super) fn mesh(&self, domain: &Domain, options: &TwinMesh, seed: u64) -> Result<ClothMesh, SimError> {
+        let quads = self.estimate(domain.repeats, options);
+        if quads > MAX_QUADS {
+            let repeats = domain.repeats.iter().map(|n| u64::from(*n)).product();
+            return Err(SimError::TwinTooLarge { repeats, triangles: 2.0 * quads, allowed: 2.0 * MAX_QUADS });
+        }
+        let loops = self.loops(domain.repeats);
+        let parts = loops.par_iter().enumerate();
+        let parts =
+            parts.map(|(i, l)| self.sweep(l, domain, options, seed, i as u32)).collect::<Result<Vec<_>, _>>()?;
+        Ok(ClothMesh::joined(parts))
+    }
+
+    /// The quads of one loop.
+    fn sweep(
+        &self,
+        of: &Loop<'_>,
+        domain: &Domain,
+        options: &TwinMesh,
+        seed: u64,
+        number: u32,
+    ) -> Result<ClothMesh, SimError> {
+        let mut rng = stream(seed, [u64::MAX, u64::from(number)]);
+        let section = PlySection::generate(&self.yarns[of.kind], rng.random())?;
+        let begin: f64 = TAU * rng.random::<f64>();
+        let path = Path::new(self, of, options, section.twist_per_um);
+        let count = path.count();
+        let turn = path.twist.abs() * path.length_um / count as f64;
+        let (low, high) = path.bounds();
+        let margin = of.curve.radius_um + path.longest_um() + MARGIN_UM;
+        let middle = [0.5 * domain.size_um[0], 0.5 * domain.size_um[1], 0.0];
+        // Images of the loop that reach into the domain.
+        let images = |k: usize| {
+            let size = domain.size_um[k];
+            let first = ((-margin - high[k]) / size).ceil() as i64;
+            first..=((size + margin - low[k]) / size).floor() as i64
+        };
+        let mut mesh = ClothMesh::default();
+        for (fiber, id) in section.fibers.iter().zip(0..) {
+            let family = YarnSet::EACH[of.kind.min(1)];
+            let (spec, second) = (of.kind as u32, fiber.second);
+            mesh.fibers.push(ThreadOfFiber { family, yarn: of.yarn, ply: number, spec, second, across: 0.0 });
+            for (outline, lumen) in std::iter::once((&fiber.outer, 0)).chain(fiber.lumen.as_ref().map(|l| (l, 1))) {
+                let ring = ring(fiber, outline, lumen == 1, turn, options);
+                let is_round = matches!(outline, Outline::Circle { .. });
+                let n = ring.len();
+                // Rings -1 to count + 1, so that all of 0 to count have both neighbors.
+                let (mut points, mut around): (Vec<V3>, Vec<V3>) = (Vec::new(), Vec::new());
+                for k in 0..count + 3 {
+                    let frame = path.frame(k);
+                    let angle = Rotation2::new(begin + frame.angle);
+                    let center = angle * fiber.center_um;
+                    // Rings of circles do not wind.
+                    let own = if is_round { Rotation2::new(frame.least) } else { angle };
+                    let place = |x: f64, y: f64| -> V3 { std::array::from_fn(|i| x * frame.u[i] + y * frame.v[i]) };
+                    for (p, normal) in &ring {
+                        let (q, m) = (center + own * p, own * normal);
+                        let off = place(q.x, q.y);
+                        points.push(std::array::from_fn(|i| frame.point[i] + off[i]));
+                        // The way along the wall at the inner side of a bend is shorter.
+                        around.push(place(-m.y, m.x));
+                    }
+                }
+                let side = if lumen == 1 { -1.0 } else { 1.0 };
+                let normals: Vec<[f32; 3]> = (0..(count + 1) * n)
+                    .map(|i| {
+                        let along: V3 = std::array::from_fn(|x| points[i + 2 * n][x] - points[i][x]);
+                        unit(cross(around[i + n], along)).map(|v| (side * v) as f32)
+                    })
+                    .collect();
+                for a in images(0) {
+                    for b in images(1) {
+                        let by = [a as f64 * domain.size_um[0], b as f64 * domain.size_um[1], 0.0];
+                        let is_near = |k: usize| {
+                            let p = path.frame(k + 1).point;
+                            (0..2).all(|i| (-margin..=domain.size_um[i] + margin).contains(&(p[i] + by[i])))
+                        };
+                        let mut last: Option<usize> = None;
+                        for k in 0..=count {
+                            if !is_near(k) {
+                                last = None;
+                                continue;
+                            }
+                            let first = mesh.vertices.len();
+                            for i in 0..n {
+                                let p = points[(k + 1) * n + i];
+                                mesh.vertices.push(std::array::from_fn(|x| (p[x] + by[x] - middle[x]) as f32));
+                                mesh.normals.push(normals[k * n + i]);
+                            }
+                            if let Some(before) = last {
+                                for i in 0..n {
+                                    let next = (i + 1) % n;
+                                    let quad = [before + i, before + next, first + i, first + next];
+                                    // The material lies outside of the lumen's ring: its triangles turn the
+                                    // other way.
+                                    let [a, b, c, d] = quad.map(|v| v as u32);
+                                    mesh.quads.push(if lumen == 1 { [b, a, d, c] } else { [a, b, c, d] });
+                                    mesh.wall.push(2 * id + lumen);
+                                }
+                            }
+                            last = Some(first);
+                        }
+                    }
+                }
+            }
+        }
+        Ok(mesh)
+    }
+}
+
+/// A curve with its images along it, closed on the torus of a domain.
+struct Loop<'a> {
+    curve: &'a PlyCurve,
+    kind: usize,
+    /// Number of its yarn in the domain.
+    yarn: u32,
+    /// Cell in which it starts, and periods of the curve after which it closes.
+    start: [i32; 2],
+    periods: usize,
+}
+
+/// Rings along a loop.
+struct Path {
+    points: Vec<V3>,
+    /// Frame without winding, and length up to each ring [um].
+    frames: Vec<[V3; 2]>,
+    arcs: Vec<f64>,
+    /// From the first ring to its next image.
+    way: V3,
+    length_um: f64,
+    /// Turn of the fibers about the frame per length [rad/um], and of the frame over the loop [rad].
+    twist: f64,
+    turned: f64,
+}
+
+/// A ring's frame with the angle of the fibers in it.
+struct Frame {
+    point: V3,
+    u: V3,
+    v: V3,
+    angle: f64,
+    /// An angle that undoes the turn of the frame over the loop, evenly.
+    least: f64,
+}
+
+impl Path {
+    fn new(cloth: &TwinCurves, of: &Loop<'_>, options: &TwinMesh, twist_per_um: f64) -> Path {
+        let (curve, lattice) = (of.curve, &cloth.lattice);
+        let knots = curve.control_um.len();
+        let start = lattice.vector(of.start);
+        let place = |u: f64| {
+            let at = curve.at(lattice, u);
+            let [x, y, z] = at.point_um;
+            ([x + start[0], y + start[1], z], at)
+        };
+        // Rings are closer where the curve bends more.
+        const CELLS: usize = 4;
+        let mut sum = vec![0.0];
+        for i in 0..knots * CELLS {
+            let at = curve.at(lattice, (i as f64 + 0.5) / CELLS as f64);
+            let step = dot(at.d_um, at.d_um).sqrt() / CELLS as f64;
+            let turn = at.curvature_per_um() + twist_per_um.abs();
+            sum.push(sum[i] + step * (turn / options.turn_rad.max(1e-3)).max(1.0 / options.step_um.max(0.1)));
+        }
+        let whole = sum[knots * CELLS];
+        let each = whole.ceil().max(8.0) as usize;
+        let mut cell = 0;
+        let inner: Vec<f64> = (0..each)
+            .map(|k| {
+                let want = whole * k as f64 / each as f64;
+                while cell + 1 < knots * CELLS && sum[cell + 1] <= want {
+                    cell += 1;
+                }
+                (cell as f64 + (want - sum[cell]) / (sum[cell + 1] - sum[cell])) / CELLS as f64
+            })
+            .collect();
+        let parameters = (0..of.periods).flat_map(|p| inner.iter().map(move |u| u + (p * knots) as f64));
+        let (mut points, mut tangents): (Vec<V3>, Vec<V3>) =
+            parameters.map(place).map(|(p, at)| (p, unit(at.d_um))).unzip();
+        let v = lattice.vector(curve.shift);
+        let way = [v[0] * of.periods as f64, v[1] * of.periods as f64, 0.0];
+        // The first ring again, at the end.
+        points.push(std::array::from_fn(|k| points[0][k] + way[k]));
+        tangents.push(tangents[0]);
+        let sub = |a: V3, b: V3| -> V3 { std::array::from_fn(|k| a[k] - b[k]) };
+        // Two reflections from ring to ring.
+        let reflected = |w: V3, by: V3| -> V3 {
+            let scale = 2.0 * dot(by, w) / dot(by, by).max(1e-300);
+            std::array::from_fn(|k| w[k] - scale * by[k])
+        };
+        let t = tangents[0];
+        let start = unit(cross(if t[2].abs() < 0.9 { [0.0, 0.0, 1.0] } else { [1.0, 0.0, 0.0] }, t));
+        let mut frames = vec![[start, cross(t, start)]];
+        let mut arcs = vec![0.0];
+        for i in 0..points.len() - 1 {
+            let step = sub(points[i + 1], points[i]);
+            let (u, along) = (reflected(frames[i][0], step), reflected(tangents[i], step));
+            let u = unit(reflected(u, sub(tangents[i + 1], along)));
+            frames.push([u, cross(tangents[i + 1], u)]);
+            arcs.push(arcs[i] + dot(step, step).sqrt());
+        }
+        let length_um = arcs[arcs.len() - 1];
+        let [u, _] = frames[frames.len() - 1];
+        let turned = dot(u, frames[0][1]).atan2(dot(u, frames[0][0]));
+        // Frame and winding together make whole turns.
+        let twist = (TAU * ((twist_per_um * length_um + turned) / TAU).round() - turned) / length_um;
+        Path { points, frames, arcs, way, length_um, twist, turned }
+    }
+
+    /// Rings of the loop, the first counted once.
+    fn count(&self) -> usize {
+        self.points.len() - 1
+    }
+
+    /// Ring `k - 1`: 0 is the last of the loop before, and one beyond the loop's own end is the second again.
+    fn frame(&self, k: usize) -> Frame {
+        let count = self.count();
+        let (at, loops) = match k {
+            0 => (count - 1, -1.0),
+            k if k - 1 <= count => (k - 1, 0.0),
+            k => (k - 1 - count, 1.0),
+        };
+        let point = std::array::from_fn(|i| self.points[at][i] + loops * self.way[i]);
+        // A loop further the frame has turned, and the fibers in it.
+        let angle = self.twist * self.arcs[at] + loops * (self.twist * self.length_um + self.turned);
+        let least = -self.turned * self.arcs[at] / self.length_um;
+        Frame { point, u: self.frames[at][0], v: self.frames[at][1], angle, least }
+    }
+
+    fn bounds(&self) -> (V3, V3) {
+        let of = |pick: fn(f64, f64) -> f64, from: f64| {
+            std::array::from_fn(|k| self.points.iter().map(|p| p[k]).fold(from, pick))
+        };
+        (of(f64::min, f64::INFINITY), of(f64::max, f64::NEG_INFINITY))
+    }
+
+    fn longest_um(&self) -> f64 {
+        self.arcs.windows(2).map(|a| a[1] - a[0]).fold(0.0, f64::max)
+    }
+}
