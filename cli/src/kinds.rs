@@ -27,6 +27,8 @@ pub enum Kind {
     Yarn,
     /// A fabric spec.
     Fabric,
+    /// A cloth spec, in textile units.
+    Cloth,
     /// An analytic fiber.
     Filament,
     /// A scene of the wave simulator.
@@ -59,6 +61,7 @@ impl Kind {
             Kind::Family => "a family of plies (.pwfam)",
             Kind::Yarn => "a yarn spec (TOML)",
             Kind::Fabric => "a fabric spec (TOML)",
+            Kind::Cloth => "a cloth spec (TOML)",
             Kind::Filament => "an analytic fiber (TOML)",
             Kind::WaveScene => "a scene for waves (TOML)",
             Kind::StrandScene => "a scene of strands (TOML)",
@@ -73,8 +76,8 @@ impl Kind {
 
     /// Whether its files are text.
     fn is_text(self) -> bool {
-        use Kind::{Fabric, Filament, Library, Mesh, StrandScene, WaveScene, Wif, Yarn};
-        matches!(self, Yarn | Fabric | Filament | WaveScene | StrandScene | Library | Wif | Mesh)
+        use Kind::{Cloth, Fabric, Filament, Library, Mesh, StrandScene, WaveScene, Wif, Yarn};
+        matches!(self, Yarn | Fabric | Cloth | Filament | WaveScene | StrandScene | Library | Wif | Mesh)
     }
 
     /// The command that makes such a file.
@@ -101,6 +104,7 @@ impl Kind {
             (Kind::Model, Kind::Fabric) => "write a fabric spec that names it, as fabrics/cotton_plain.toml",
             (Kind::Yarn, Kind::Fabric) => "build its model and write a fabric spec that names it",
             (Kind::Fabric, Kind::Twin) => "`plywave twin SPEC` makes one of it",
+            (Kind::Cloth, _) => "`plywave weave`, `plywave plot` and `plywave twin` take it",
             (Kind::Fabric, _) => "`plywave render` and `plywave weave` take it",
             (Kind::Yarn, _) => "`plywave build` takes it",
             (Kind::Model, _) => "`plywave info` tells what it holds",
@@ -169,6 +173,8 @@ pub fn kind_of(path: &Path) -> Option<Kind> {
         Some(Kind::Wif)
     } else if has(&["[strands", "strands."]) {
         Some(Kind::StrandScene)
+    } else if has(&["[knit", "[curves"]) || (has(&["[warp", "[weft"]) && has(&["count", "warp.count"])) {
+        Some(Kind::Cloth)
     } else if has(&["[weave", "weave.", "[warp", "[weft"]) {
         Some(Kind::Fabric)
     } else if has(&["[filament"]) {
@@ -250,7 +256,7 @@ pub fn explain(path: &Path, wanted: &[Kind], error: impl Into<Failure>) -> Failu
 /// Refuses the inputs of a command that are not there or of another kind than it takes, before any work.
 pub fn check_inputs(command: &Command) -> Outcome {
     use Kind::{
-        Fabric, Family, Fiber, Filament, Library, Mesh, Model, Part, Picture, Speckle, StrandScene, Table, Twin,
+        Cloth, Fabric, Family, Fiber, Filament, Library, Mesh, Model, Part, Picture, Speckle, StrandScene, Table, Twin,
         WaveScene, Yarn,
     };
     let one = |path: &Path, wanted: &[Kind]| require(path, wanted);
@@ -286,7 +292,7 @@ pub fn check_inputs(command: &Command) -> Outcome {
             one(&args.b, if kind_of(&args.a) == Some(Table) { &[Table] } else { &[Model] })
         }
         Command::Plot(args) => {
-            one(&args.file, &[Model, Table, Fiber, Speckle, Yarn])?;
+            one(&args.file, &[Model, Table, Fiber, Speckle, Yarn, Cloth])?;
             maybe(&args.table, &[Table])?;
             maybe(&args.model, &[Model])
         }
@@ -303,8 +309,8 @@ pub fn check_inputs(command: &Command) -> Outcome {
         }
         Command::Color(args) => one(&args.model, &[Model, Fabric]),
         Command::Farm(args) => one(&args.library, &[Library]),
-        Command::Twin(args) => one(&args.spec, &[Fabric]),
-        Command::Weave(args) => one(&args.fabric, &[Fabric]),
+        Command::Twin(args) => one(&args.spec, &[Fabric, Cloth]),
+        Command::Weave(args) => one(&args.fabric, &[Fabric, Cloth]),
         Command::Wave(wave) => match &wave.command {
             WaveCommand::Scatter(args) => one(&args.scene, &[WaveScene]),
             WaveCommand::Speckle(args) => one(&args.spec, &[Yarn]),

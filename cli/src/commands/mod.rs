@@ -34,6 +34,7 @@ pub mod wave_scatter;
 pub mod wave_speckle;
 pub mod wave_tabulate;
 pub mod weave;
+pub mod weave_cloth;
 
 use crate::args::{Cli, IncidenceArgs};
 use crate::failure::{Failure, Outcome};

@@ -425,6 +425,13 @@ pub fn run(cli: &Cli, args: &PlotArgs) -> Outcome {
     let format = Format::from_path(&path)?;
     output::check_writable(&path, &inputs)?;
     absorptions(&args.sigma)?;
+    if kinds::kind_of(&args.file) == Some(Kind::Cloth) {
+        if let Some(other) = others.into_iter().flatten().next() {
+            let hint = "FILE is a cloth spec; leave --table and --model out";
+            return Err(Failure::input(args.file.display(), "FILE", other.display(), hint));
+        }
+        return super::weave_cloth::plot(cli, &args.file, &path, format);
+    }
     if args.file.extension().is_some_and(|e| e == "toml") || kinds::kind_of(&args.file) == Some(Kind::Yarn) {
         if let Some(other) = others.into_iter().flatten().next() {
             let hint = "FILE is a yarn spec; leave --table and --model out";

@@ -3,10 +3,11 @@
 use super::runs::{self, ProgressNames};
 use crate::args::{Cli, TwinArgs};
 use crate::failure::Outcome;
-use crate::{kinds, output, progress, report};
+use crate::kinds::{self, Kind};
+use crate::{output, progress, report};
 use plywave::fabric::FabricSpec;
 use plywave::twin::{CLASSES, ClothTwin};
-use plywave_sim::twin::{Domain, TwinCloth, TwinJob, TwinMesh, TwinOptions, direction};
+use plywave_sim::twin::{Domain, TwinCloth, TwinCurves, TwinJob, TwinMesh, TwinOptions, TwinSource, direction};
 use std::io::{self, Write};
 use std::path::Path;
 use std::time::Duration;
@@ -14,10 +15,16 @@ use std::time::Duration;
 /// Runs the command.
 pub fn run(cli: &Cli, args: &TwinArgs) -> Outcome {
     let refuse = |e| runs::failure(e, &args.spec);
-    let loaded = FabricSpec::load_file(&args.spec, &cli.library()?)?;
-    kinds::tell_fabric_notes(cli, &loaded);
-    let cloth = TwinCloth::from_loaded(&loaded).map_err(refuse)?;
-    let job = TwinJob::new(cloth, &options(args)).map_err(refuse)?;
+    let source: TwinSource = if kinds::kind_of(&args.spec) == Some(Kind::Cloth) {
+        let (spec, made) = super::weave_cloth::make(cli, &args.spec)?;
+        let texts = super::weave_cloth::ply_specs(cli, &args.spec, &spec)?;
+        TwinCurves::new(&spec.name, made.curves, texts).map_err(refuse)?.into()
+    } else {
+        let loaded = FabricSpec::load_file(&args.spec, &cli.library()?)?;
+        kinds::tell_fabric_notes(cli, &loaded);
+        TwinCloth::from_loaded(&loaded).map_err(refuse)?.into()
+    };
+    let job = TwinJob::new(source, &options(args)).map_err(refuse)?;
     let path = args.output.clone().unwrap_or_else(|| args.shards.default_output(&args.spec, "pwx"));
     output::check_writable(&path, &[&args.spec])?;
     let told = ProgressNames { what: "trace", unit: "paths" };

@@ -3,6 +3,7 @@
 
 use crate::args::{Cli, WeaveArgs};
 use crate::failure::{Failure, Outcome};
+use crate::kinds::{self, Kind};
 use crate::report::{self, number};
 use crate::{output, plot, progress};
 use image::{ExtendedColorType, ImageEncoder};
@@ -40,6 +41,9 @@ const USUAL_PIXELS: f64 = 32.0;
 /// Runs the command.
 pub fn run(cli: &Cli, args: &WeaveArgs) -> Outcome {
     let begun = Instant::now();
+    if kinds::kind_of(&args.fabric) == Some(Kind::Cloth) {
+        return super::weave_cloth::run(cli, args);
+    }
     let loaded = FabricSpec::load_file(&args.fabric, &cli.library()?)?;
     let mut notes = loaded.notes();
     notes.extend(lean_notes(&loaded.fabric));

@@ -3,6 +3,7 @@
 
 pub mod axes;
 pub mod budget;
+pub mod cloth;
 pub mod color;
 pub mod figure;
 pub mod grid;

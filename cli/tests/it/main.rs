@@ -1,6 +1,7 @@
 //! Tests of the program. One program, so that they share what is loaded.
 
 mod bad_input;
+mod cloth;
 mod common;
 mod compare;
 mod docs;

@@ -1,0 +1,203 @@
+//! `plywave weave` of a cloth spec: the curves of its plies, and what a weaver would measure.
+
+use super::runs;
+use crate::args::{Cli, WeaveArgs};
+use crate::failure::{Failure, Outcome};
+use crate::plot::{self, Format};
+use crate::{output, progress, report};
+use plywave::cloth::{ClothSpec, YarnOfCloth};
+use plywave_sim::cloth::{CurveFormat, MadeCloth, make_cloth, write_curves};
+use std::path::Path;
+use std::sync::atomic::Ordering;
+use std::time::{Duration, Instant};
+
+/// Largest cloth spec, and largest file that it names [bytes].
+const MAX_SPEC_BYTES: u64 = 1 << 20;
+const MAX_BYTES: u64 = 256 << 20;
+
+/// Runs the command on a cloth spec.
+pub fn run(cli: &Cli, args: &WeaveArgs) -> Outcome {
+    if args.pixels.is_some() || args.back {
+        let flag = if args.back { "--back" } else { "--pixels" };
+        return Err(Failure::input(
+            "command line",
+            flag,
+            "given",
+            "textures are made of fabric specs, this is a cloth spec",
+        ));
+    }
+    let format = match &args.output {
+        None => None,
+        Some(path) => {
+            output::check_writable(path, &[&args.fabric])?;
+            let format = CurveFormat::of(path);
+            let hint = "curves are written as .toml, .bcc or .tg3; name the file so";
+            Some(format.ok_or_else(|| Failure::input(path.display(), "-o", "its ending", hint))?)
+        }
+    };
+    let begun = Instant::now();
+    let (spec, made) = make(cli, &args.fabric)?;
+    let time = begun.elapsed();
+    if let (Some(path), Some(format)) = (&args.output, format) {
+        progress::stoppable(|| output::write_whole(path, &write_curves(&made.curves, &spec.name, format)))?;
+    }
+    tell(cli, args.output.as_deref(), &spec, &made, time)
+}
+
+/// `plywave plot` of a cloth spec: sections through it.
+pub fn plot(cli: &Cli, file: &Path, output: &Path, format: Format) -> Outcome {
+    let (spec, made) = make(cli, file)?;
+    let m = &made.measures;
+    let particulars =
+        format!("{:.0} um thick, {:.1} % open, {:.0} g/m2", m.thickness_um, 100.0 * m.openness, m.mass_g_per_m2);
+    let figure = plot::cloth::sections(&spec.name, &particulars, &made.curves)?;
+    let bytes = format.encode(&figure, output)?;
+    progress::stoppable(|| output::write_whole(output, &bytes))?;
+    if cli.quiet {
+        return Ok(());
+    }
+    let (width, height) = figure.size();
+    output::print(|out| {
+        writeln!(out, "{}: {width} x {height}, {}", output.display(), report::bytes(bytes.len() as u64))
+    })
+}
+
+/// Texts of the specs of a cloth's plies, by kind of yarn: of yarn specs that it names, or in its models.
+pub fn ply_specs(cli: &Cli, file: &Path, spec: &ClothSpec) -> Outcome<Vec<String>> {
+    let folder = file.parent().unwrap_or(Path::new(""));
+    let of = |(kind, yarn): (usize, &YarnOfCloth)| {
+        let key = format!("{}.model", kind_name(spec, kind as u32));
+        let Some(model) = &yarn.model else {
+            let hint = "name the model of its plies, or their yarn spec (.toml)";
+            return Err(Failure::input(file.display(), &key, "(absent)", hint));
+        };
+        let path = folder.join(model);
+        if path.extension().is_some_and(|e| e == "toml") {
+            return Ok(plywave::io::read_text(&path, MAX_SPEC_BYTES)?);
+        }
+        let path = if path.exists() { path } else { model.into() };
+        Ok(cli.library()?.load(&path)?.data().spec_text.clone())
+    };
+    spec.yarns().into_iter().enumerate().map(of).collect()
+}
+
+/// Reads a spec and makes its curves.
+pub fn make(cli: &Cli, file: &Path) -> Outcome<(ClothSpec, MadeCloth)> {
+    let text = plywave::io::read_text(file, MAX_SPEC_BYTES)?;
+    let name = file.display().to_string();
+    let spec = ClothSpec::parse(&text, &name)?;
+    progress::install_stop();
+    let folder = file.parent().unwrap_or(Path::new(""));
+    let mut read = |named: &str| plywave::io::read_file(folder.join(named), MAX_BYTES);
+    let go_on = || !progress::STOP.load(Ordering::SeqCst);
+    let made = progress::stoppable(|| make_cloth(&spec, &name, &mut read, &go_on));
+    let made = made.map_err(|e| match e {
+        plywave_sim::SimError::Stopped => Failure::Interrupted(e.to_string()),
+        other => runs::failure(other, file),
+    })?;
+    if !cli.quiet {
+        made.notes.iter().for_each(|note| eprintln!("note: {note}"));
+    }
+    Ok((spec, made))
+}
+
+/// What a kind of yarn is called.
+fn kind_name(spec: &ClothSpec, kind: u32) -> &'static str {
+    match (spec.weave.is_some(), kind) {
+        (true, 0) => "warp",
+        (true, _) => "weft",
+        _ => "yarn",
+    }
+}
+
+fn tell(cli: &Cli, path: Option<&Path>, spec: &ClothSpec, made: &MadeCloth, time: Duration) -> Outcome {
+    let m = &made.measures;
+    if cli.json {
+        return output::print_json(&serde_json::json!({
+            "cloth": spec.name,
+            "output": path.map(|p| p.display().to_string()),
+            "curves": made.curves.curves.len(),
+            "points": made.curves.curves.iter().map(|c| c.control_um.len()).sum::<usize>(),
+            "cell_um": made.curves.cell_um,
+            "measures": m,
+            "relaxed": made.relaxed.map(|r| serde_json::json!({
+                "nodes": r.nodes, "steps": r.steps, "force": r.force, "overlap": r.overlap,
+            })),
+            "seconds": time.as_secs_f64(),
+            "notes": made.notes,
+        }));
+    }
+    if cli.quiet {
+        return Ok(());
+    }
+    output::print(|out| {
+        writeln!(out, "{}", spec.name)?;
+        let [a, b] = made.curves.cell_um;
+        let (curves, yarns) = (made.curves.curves.len(), made.curves.yarns.len());
+        writeln!(
+            out,
+            "  cell         ({:.1}, {:.1}) x ({:.1}, {:.1}) um, {} of {}",
+            a[0],
+            a[1],
+            b[0],
+            b[1],
+            report::counted(curves as u64, "curve", "curves"),
+            report::counted(yarns as u64, "yarn", "yarns")
+        )?;
+        for measures in &m.yarns {
+            let of = spec.yarns();
+            let Some(yarn) = of.get(measures.kind as usize) else { continue };
+            write_yarn(out, kind_name(spec, measures.kind), yarn, measures, spec.knit.is_some())?;
+        }
+        writeln!(out, "  thickness    {:.0} um", m.thickness_um)?;
+        writeln!(out, "  cover        {:.2} % covered, {:.2} % open", 100.0 * (1.0 - m.openness), 100.0 * m.openness)?;
+        writeln!(out, "  mass         {:.1} g/m2", m.mass_g_per_m2)?;
+        match &made.relaxed {
+            None => {
+                writeln!(out, "  curves       as they came; largest overlap {:.2} % of a radius", 100.0 * m.overlap)?
+            }
+            Some(r) => writeln!(
+                out,
+                "  relaxed      {:.1} s: {} steps, unbalanced forces {:.1e} of the tension, largest overlap {:.2} % of a radius",
+                time.as_secs_f64(),
+                r.steps,
+                r.force,
+                100.0 * m.overlap
+            )?,
+        }
+        match path {
+            None => Ok(()),
+            Some(path) => {
+                let bytes = std::fs::metadata(path).map_or(0, |m| m.len());
+                writeln!(out, "{}: {}", path.display(), report::bytes(bytes))
+            }
+        }
+    })
+}
+
+fn write_yarn(
+    out: &mut dyn std::io::Write,
+    name: &str,
+    yarn: &YarnOfCloth,
+    measures: &plywave_sim::cloth::YarnMeasures,
+    is_knit: bool,
+) -> std::io::Result<()> {
+    let strands = match (yarn.plies, yarn.bundles) {
+        (1, 1) => "one ply".to_string(),
+        (plies, 1) => format!("{plies} plies"),
+        (_, bundles) => format!("{bundles} bundles"),
+    };
+    let along = match is_knit {
+        true => format!("{:.3} mm a cell", 1e-3 * measures.length_um),
+        false => format!("crimp {:.1} %", 100.0 * measures.crimp),
+    };
+    writeln!(
+        out,
+        "  {name:<12} {:.1} tex, {strands} of R {:.1} um; {along}, {:.0} um wide, {:.0} um high, bends of {:.1} R at least",
+        yarn.count.tex(),
+        yarn.strand_radius_um(),
+        measures.width_um,
+        measures.height_um,
+        measures.least_bend
+    )
+}
