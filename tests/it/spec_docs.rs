@@ -1,6 +1,7 @@
-//! docs/reference/spec.md agrees with the rules of the specs: the same keys, ranges and defaults on both
-//! sides.
+//! docs/reference/spec.md and cloth_spec.md agree with the rules of the specs: the same keys, ranges and
+//! defaults on both sides.
 
+use plywave::cloth::{CLOTH_RULES, ClothSpec};
 use plywave::fabric::{FABRIC_RULES, FabricSpec};
 use plywave::spec::YARN_RULES;
 use plywave::spec::rules::{Key, Kind, Need, Rules};
@@ -50,8 +51,9 @@ fn shared(section: &str) -> String {
     if section == "`warp`" || section == "`weft`" { "`warp`, `weft`".into() } else { section }
 }
 
-fn page() -> (Keys, Vec<String>) {
-    let text = std::fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/docs/reference/spec.md")).unwrap();
+/// Keys and sections of a page of docs/reference.
+fn page(name: &str) -> (Keys, Vec<String>) {
+    let text = std::fs::read_to_string(format!("{}/docs/reference/{name}", env!("CARGO_MANIFEST_DIR"))).unwrap();
     let (mut keys, mut sections, mut section) = (Keys::new(), Vec::new(), String::new());
     for line in text.lines() {
         if let Some(title) = line.strip_prefix("### ") {
@@ -71,22 +73,45 @@ fn page() -> (Keys, Vec<String>) {
 
 #[test]
 fn the_page_and_the_rules_have_the_same_keys() {
-    let (mut keys, sections) = page();
+    compare_page("spec.md", &[("yarn", &YARN_RULES), ("fabric", &FABRIC_RULES)], 70, &shared);
+    // The yarn of a knit has the keys of warp and weft, its section is theirs; so are the weaves of fabrics.
+    let shared_cloth = |section: &str| {
+        let section = section.replace("warp", "yarn").replace("weft", "yarn").replace("`yarn`, `yarn`", "`yarn`");
+        if section.contains("knit`, kind") && !section.contains("rib") && !section.contains("grid") {
+            return "`knit`, other kinds".into();
+        }
+        section
+    };
+    compare_page("cloth_spec.md", &[("cloth", &CLOTH_RULES)], 40, &shared_cloth);
+}
+
+/// A page has the keys of these rules, each at least once, and no other. `shared` names the section of
+/// several with the same keys.
+fn compare_page(name: &str, rules: &[(&str, &Rules)], least: usize, shared: &dyn Fn(&str) -> String) {
     let root = |name: &str| format!("Root of the {name} spec");
+    let (mut keys, mut sections) = page(name);
     let mut all = Vec::new();
-    keys_of(&root("yarn"), "", YARN_RULES.keys, &mut all);
-    keys_of(&root("fabric"), "", FABRIC_RULES.keys, &mut all);
-    assert!(all.len() > 70, "{}", all.len());
+    rules.iter().for_each(|(kind, rules)| keys_of(&root(kind), "", rules.keys, &mut all));
+    assert!(all.len() > least, "{}", all.len());
     let mut seen = BTreeMap::new();
-    for (section, name, expected, need) in all {
-        let at = (shared(&section), name.clone());
+    for (section, key, expected, need) in all {
+        // Weaves are those of fabric specs, which the page of these has.
+        if name == "cloth_spec.md" && section.starts_with("`weave`") {
+            continue;
+        }
+        let at = (shared(&section), key.clone());
+        let expected = if name == "cloth_spec.md" {
+            expected.replace("[warp.", "[yarn.").replace("[weft.", "[yarn.")
+        } else {
+            expected
+        };
         let known = seen.insert(at.clone(), (expected.clone(), need));
         if let Some(before) = known {
-            assert_eq!(before, (expected, need), "{at:?} differs between warp and weft");
+            assert_eq!(before, (expected, need), "{at:?} differs between sections");
             continue;
         }
         let (range, default) =
-            keys.remove(&at).unwrap_or_else(|| panic!("docs/reference/spec.md lacks {name} under ### {}", at.0));
+            keys.remove(&at).unwrap_or_else(|| panic!("docs/reference/{name} lacks {key} under ### {}", at.0));
         assert_eq!(range, expected, "{at:?}");
         match need {
             Need::Required => assert_eq!(default, "required", "{at:?}"),
@@ -95,14 +120,18 @@ fn the_page_and_the_rules_have_the_same_keys() {
             Need::Default(_) => assert_ne!(default, "required", "{at:?}"),
         }
     }
-    assert!(keys.is_empty(), "docs/reference/spec.md has keys that the program does not know: {keys:?}");
-    let mut known = vec![root("yarn"), root("fabric")];
-    sections_of("", YARN_RULES.keys, &mut known);
-    sections_of("", FABRIC_RULES.keys, &mut known);
-    known.sort();
-    known.dedup();
-    let mut sections = sections;
-    sections.sort();
+    assert!(keys.is_empty(), "docs/reference/{name} has keys that the program does not know: {keys:?}");
+    let mut known: Vec<String> = rules.iter().map(|(kind, _)| root(kind)).collect();
+    let mut titles = Vec::new();
+    rules.iter().for_each(|(_, rules)| sections_of("", rules.keys, &mut titles));
+    known.extend(titles.iter().map(|title| shared(title)));
+    if name == "cloth_spec.md" {
+        known.retain(|title| !title.starts_with("`weave`"));
+    }
+    for list in [&mut known, &mut sections] {
+        list.sort();
+        list.dedup();
+    }
     assert_eq!(sections, known);
 }
 
@@ -129,6 +158,11 @@ fn defaults_are_those_of_the_program() {
     let count = compare(&yarn, &YARN_RULES) + compare(&fabric, &FABRIC_RULES);
     // Only defaults that are values: the default crimps of warp and weft are in words.
     assert_eq!(count, 14, "defaults compared");
+    let yarn = "count = { tex = 20.0 }\ndensity_g_per_cm3 = 1.5\n";
+    let knit = "kind = \"jersey\"\nwales_per_cm = 14.0\ncourses_per_cm = 20.0\nloop_mm = 2.7\n";
+    let cloth = format!("name = \"c\"\n[knit]\n{knit}[yarn]\n{yarn}");
+    let cloth = toml::Table::try_from(ClothSpec::parse(&cloth, "bare").unwrap()).unwrap();
+    assert_eq!(compare(&cloth, &CLOTH_RULES), 8, "defaults of a cloth");
 }
 
 fn compare(spec: &toml::Table, rules: &Rules) -> usize {
