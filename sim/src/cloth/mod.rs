@@ -1,6 +1,6 @@
 //! The geometry of a cloth: from a spec to the curves of its plies.
 //!
-//! A draft ([`woven`]) or a grid of stitches ([`knitted`]) gives a start, [`relax`] the least energy, and
+//! A draft (`woven`) or a grid of stitches (`knitted`) gives a start, `relax` the least energy, and
 //! [`measure`] says what a weaver would measure. Curves of other programs come from and go to files (`bcc`,
 //! `tg3`).
 
