@@ -12,7 +12,7 @@ pub const MAX_CURVE_POINTS: usize = 1 << 21;
 const ROUNDS: usize = 60;
 /// Largest coordinate [um].
 const MAX_UM: f64 = 1e8;
-/// Most vectors of the cell of a period or a step.
+/// Most vectors of the cell of a period or a step, and from the origin to a point.
 const MAX_STEPS: u32 = 1 << 20;
 
 /// A cloth: its cell, its yarns, and the curves of their plies. z is the normal of the face.
@@ -190,7 +190,7 @@ impl ClothCurves {
     /// # Errors
     /// [`Error::Invalid`] for the first that is out of range.
     pub fn check(&self, file: &str) -> Result<()> {
-        self.lattice(file)?;
+        let lattice = self.lattice(file)?;
         if self.curves.is_empty() {
             return Err(invalid(file, "curve", "(absent)", "give at least one curve"));
         }
@@ -228,6 +228,11 @@ impl ClothCurves {
             }
             if let Some(p) = curve.control_um.as_flattened().iter().find(|p| !p.is_finite() || p.abs() > MAX_UM) {
                 return Err(invalid(file, &key("control_um"), p, "use numbers within 1e8 um"));
+            }
+            let cells = |p: &[f64; 3]| lattice.fractions(p[0], p[1]).map(f64::abs);
+            if let Some(p) = curve.control_um.iter().find(|p| cells(p).iter().any(|f| *f > f64::from(MAX_STEPS))) {
+                let hint = format!("use points within {MAX_STEPS} cells");
+                return Err(invalid(file, &key("control_um"), format!("{p:?}"), hint));
             }
             if !is_small(&curve.shift) {
                 let value = format!("{:?}", curve.shift);

@@ -47,6 +47,10 @@ impl Lattice {
     }
 }
 
+/// Most neighbors of a point, on the average, that a search looks at, and most pairs.
+const MAX_NEAR: f64 = 2e4;
+const MAX_PAIRS: f64 = 1e9;
+
 /// How many times `shift` makes `cells`; `None` if no whole number of times does.
 pub fn whole_times(cells: [i32; 2], shift: [i32; 2]) -> Option<i32> {
     let k = if shift[0] != 0 { cells[0] / shift[0] } else { cells[1].checked_div(shift[1])? };
@@ -90,6 +94,14 @@ impl Buckets {
             next[bucket] += 1;
         }
         buckets
+    }
+
+    /// Whether a search within `cutoff_um` about each of `count` points that are spread over the cell looks
+    /// at a number of pairs that ends within a minute.
+    pub fn can_search(lattice: &Lattice, count: usize, cutoff_um: f64) -> bool {
+        let square = (2.0 * cutoff_um + lattice.widths_um()[0].min(cutoff_um)).powi(2);
+        let each = count as f64 * square / lattice.area_um2();
+        each < MAX_NEAR && count as f64 * each < MAX_PAIRS
     }
 
     /// Bucket and cell of a point.

@@ -35,6 +35,9 @@ const MIN_SINE2: f32 = 0.01;
 const MAX_BUCKETS: f64 = 65_536.0;
 /// Most pieces of a cloth.
 const MAX_PIECES: f64 = 5e5;
+/// Most buckets that all pieces together may reach into, and most pieces of a bucket on the average.
+const MAX_ENTRIES: f64 = 4e6;
+const MAX_SHARED: f64 = 2000.0;
 
 /// A ply that a line hits.
 #[derive(Clone, Copy, Debug, Default)]
@@ -158,7 +161,8 @@ impl ClothLines {
         let counts = widths.map(|w| ((w / side).round() as i32).max(1));
         let mut lists: Vec<Vec<(u32, [i32; 2])>> = vec![Vec::new(); (counts[0] * counts[1]) as usize];
         let (mut pieces, mut chords) = (Vec::new(), Vec::new());
-        let mut half = 0.0f64;
+        let (mut half, mut entries) = (0.0f64, 0.0);
+        let most = MAX_ENTRIES.min(MAX_SHARED * lists.len() as f64);
         for (index, curve) in cloth.curves.iter().enumerate() {
             let knots = curve.control_um.len() as f64;
             let count = (lengths[index] / (PIECE * curve.radius_um)).ceil().max(1.0);
@@ -179,7 +183,13 @@ impl ClothLines {
                 let piece = pieces.len() as u32;
                 pieces.push(Piece { curve: index as u32, from: u as f32, to: v as f32 });
                 chords.push((p, q, reach));
-                for (bucket, cells) in buckets(&lattice, counts, [p, q], reach) {
+                let range = range(&lattice, counts, [p, q], reach);
+                entries += range.iter().map(|[low, high]| f64::from(*high) - f64::from(*low) + 1.0).product::<f64>();
+                if entries > most {
+                    let hint = "use curves that wind less and are thinner: they reach into too much of the cell";
+                    return Err(invalid("cloth", "curve", format!("curve {}", index + 1), hint));
+                }
+                for (bucket, cells) in buckets(&lattice, counts, [p, q], reach, range) {
                     lists[bucket].push((piece, cells));
                 }
             }
@@ -255,15 +265,26 @@ impl ClothLines {
     }
 }
 
-/// Buckets that a dilated chord reaches into, each with the cells by which the chord is moved to be there.
-fn buckets(lattice: &Lattice, counts: [i32; 2], [p, q]: [[f64; 3]; 2], reach: f64) -> Vec<(usize, [i32; 2])> {
+/// First and last bucket along each vector that a dilated chord may reach into.
+fn range(lattice: &Lattice, counts: [i32; 2], [p, q]: [[f64; 3]; 2], reach: f64) -> [[i32; 2]; 2] {
     let widths = lattice.widths_um();
     let [f, g] = [p, q].map(|p| lattice.fractions(p[0], p[1]));
-    let range = [0, 1].map(|k| {
+    [0, 1].map(|k| {
         let pad = reach / widths[k];
         let per = f64::from(counts[k]);
         [((f[k].min(g[k]) - pad) * per).floor() as i32, ((f[k].max(g[k]) + pad) * per).floor() as i32]
-    });
+    })
+}
+
+/// Buckets of a range that a dilated chord reaches into, each with the cells by which the chord is moved to
+/// be there.
+fn buckets(
+    lattice: &Lattice,
+    counts: [i32; 2],
+    [p, q]: [[f64; 3]; 2],
+    reach: f64,
+    range: [[i32; 2]; 2],
+) -> Vec<(usize, [i32; 2])> {
     // Of the buckets in the range, those whose middle is near enough to the chord in the plane.
     let [a, b] = lattice.cell_um;
     let [x, y] = [0, 1].map(|k| [a[k] / f64::from(counts[0]), b[k] / f64::from(counts[1])]);

@@ -43,6 +43,7 @@ pub fn all() -> Vec<Target> {
         target("strands", seeds::strands(), targets::strands),
         target("twin", seeds::twins(), targets::twin),
         target("cloth", seeds::cloths(), targets::cloth),
+        target("curves", seeds::curves(), targets::curves),
         target("single", seeds::singles(), targets::single),
         target("job", seeds::jobs(), targets::job),
     ]

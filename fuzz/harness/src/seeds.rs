@@ -1,10 +1,12 @@
 //! Good files of each kind: those of the repository, and small ones made here.
 
+use plywave::cloth::ClothSpec;
 use plywave::fiber::{FiberSource, FiberTable, OutlineSymmetry};
 use plywave::ply::{FamilyAxis, FamilyData, FamilyParam, PlyData};
 use plywave::spec::YarnSpec;
 use plywave::speckle::{NoiseSpectrum, SpecklePatterns};
 use plywave::twin::{ClothTwin, SphereBins};
+use plywave_sim::cloth::{CurveFormat, make_cloth, write_curves};
 use plywave_sim::runs::{self, Job, Run};
 use plywave_sim::twin::{TwinCloth, TwinJob, TwinOptions};
 use plywave_sim::wave::{ScatterJob, Scene, SpeckleJob, SpeckleOptions};
@@ -305,4 +307,21 @@ pub fn jobs() -> Vec<Vec<u8>> {
         ScatterJob::new(&scene, SCENE).description(),
     ];
     texts.into_iter().map(|d| d.text().into()).collect()
+}
+
+/// Curves of a small cloth in each of their formats, and specs of cloths.
+pub fn curves() -> Vec<Vec<u8>> {
+    let yarn = |key: &str| format!("count = {{ tex = 12 }}\ndensity_g_per_cm3 = 1.5\n{key} = 25\n");
+    let (warp, weft) = (yarn("ends_per_cm"), yarn("picks_per_cm"));
+    let text = format!("name = \"plain\"\n[weave]\nkind = \"plain\"\n[warp]\n{warp}[weft]\n{weft}");
+    let spec = ClothSpec::parse(&text, "c.toml").expect("a good spec");
+    let no_file = |name: &str| -> plywave::Result<Vec<u8>> { panic!("{name} is not to be read") };
+    let made = make_cloth(&spec, "c.toml", &mut |name| no_file(name), &|| true).expect("a cloth");
+    // The target knows the cell of the .bcc.
+    let mut all: Vec<Vec<u8>> = [CurveFormat::Toml, CurveFormat::Tg3, CurveFormat::Bcc]
+        .into_iter()
+        .map(|format| write_curves(&made.curves, "plain", format))
+        .collect();
+    all.extend(["satin", "jersey", "organza"].map(|name| file(&format!("fabrics/cloths/{name}.toml"))));
+    all
 }

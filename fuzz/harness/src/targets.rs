@@ -2,6 +2,7 @@
 //! is a panic.
 
 use crate::Rng;
+use plywave::cloth::{ClothLines, ClothSpec, LineHits};
 use plywave::fabric::{FabricOptions, FabricSpec, LoadedFabric, Wif};
 use plywave::fiber::{FiberModel, FiberTable, FilamentSpec, TabulatedFiber};
 use plywave::ply::{FamilyParams, PlyFamily};
@@ -11,6 +12,7 @@ use plywave::table::Table;
 use plywave::twin::ClothTwin;
 use plywave::{Bsdf, FabricModel, FabricQuery, FiberQuery, PlyModel, PlyQuery};
 use plywave_render::{Basis, Environment, Film, Light, Mesh, Scene, StrandFile, StrandShape, StrandTree, Strands};
+use plywave_sim::cloth::make_cloth;
 use plywave_sim::runs::{AnyJob, PartFile, Parts};
 use plywave_sim::twin::TwinCloth;
 use plywave_sim::wave::SingleFiber;
@@ -206,6 +208,34 @@ pub fn fabric(bytes: &[u8]) {
         let query = FabricQuery { turn_rad: any(&mut rng, 3.0), ..FabricQuery::rgb(position, direction(&mut rng)) };
         // In a gap four plies and the aperture, each within its tolerance.
         ask("fabric", &fabric.at(&query), 1.25, &mut rng);
+    }
+}
+
+/// Curves of a cloth in each of their formats, lines through them, and the text of a cloth spec.
+pub fn curves(bytes: &[u8]) {
+    let mut rng = seeded(bytes);
+    if let Some(spec) = std::str::from_utf8(bytes).ok().and_then(|text| loaded(ClothSpec::parse(text, "c.toml"))) {
+        for yarn in spec.yarns() {
+            assert!(yarn.strand_radius_um() > 0.0 && yarn.radius_um().is_finite());
+            assert_eq!(yarn.section().len(), yarn.strands());
+        }
+    }
+    for ending in ["toml", "bcc", "tg3"] {
+        let text = format!(
+            "name = \"x\"\n[curves]\nfile = \"x.{ending}\"\n{}[yarn]\ncount = {{ tex = 20 }}\ndensity_g_per_cm3 = 1.5\n",
+            if ending == "bcc" { "cell_um = [[400.0, 400.0], [0.0, 800.0]]\n" } else { "" }
+        );
+        let spec = ClothSpec::parse(&text, "c.toml").expect("a good spec");
+        let made = loaded(make_cloth(&spec, "c.toml", &mut |_| Ok(bytes.to_vec()), &|| true));
+        let Some(made) = made else { continue };
+        assert!(made.measures.thickness_um > 0.0 && (0.0..=1.0).contains(&made.measures.openness));
+        let lines = ClothLines::new(&made.curves).expect("measured curves");
+        let mut hits = LineHits::default();
+        for _ in 0..20 {
+            let from = [any(&mut rng, 1e3), any(&mut rng, 1e3), any(&mut rng, 1e3)];
+            lines.hits(from, direction(&mut rng), &mut hits);
+            assert!(hits.as_slice().windows(2).all(|pair| pair[0].enter_um <= pair[1].enter_um));
+        }
     }
 }
 
