@@ -3,7 +3,7 @@
 use super::spec::{ClothSpec, YarnOfCloth};
 use crate::Result;
 use crate::fabric::{WEAVES, check_weave};
-use crate::spec::rules::{Custom, Key, Kind, Rules, invalid, optional, required};
+use crate::spec::rules::{self, Custom, Key, Kind, Rules, invalid, optional, required};
 use toml::Value;
 
 /// The rules of a cloth spec.
@@ -108,8 +108,21 @@ const BOOL: Custom = Custom {
     },
 };
 
+impl ClothSpec {
+    /// A spec from TOML.
+    ///
+    /// # Errors
+    /// [`crate::Error::Format`] for text that is not TOML, [`crate::Error::Invalid`] for a key that is
+    /// unknown, absent or out of range, and for keys that contradict each other.
+    pub fn parse(text: &str, file: &str) -> Result<ClothSpec> {
+        let spec: ClothSpec = rules::typed(rules::parse(text, file, &CLOTH_RULES)?, file, &CLOTH_RULES)?;
+        check_relations(file, &spec)?;
+        Ok(spec)
+    }
+}
+
 /// What must hold between keys.
-pub(super) fn check_relations(file: &str, spec: &ClothSpec) -> Result<()> {
+fn check_relations(file: &str, spec: &ClothSpec) -> Result<()> {
     let given = [spec.weave.is_some(), spec.knit.is_some(), spec.curves.is_some()];
     if given.iter().filter(|is| **is).count() != 1 {
         let names: Vec<&str> =

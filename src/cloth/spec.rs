@@ -1,11 +1,9 @@
 //! The cloth spec (TOML): a weave, a knit or curves from a file, and its yarns in textile units.
 //! Keys and ranges are in `rules.rs`.
 
-use super::rules::{CLOTH_RULES, check_relations};
 use super::units::{Count, fiber_area_um2, round_radius_um};
-use crate::Result;
 use crate::fabric::{Draft, WeaveSpec};
-use crate::spec::{Handedness, rules};
+use crate::spec::Handedness;
 use serde::{Deserialize, Serialize};
 use std::f64::consts::PI;
 
@@ -163,17 +161,6 @@ fn usual_cohesion() -> f64 {
 }
 
 impl ClothSpec {
-    /// A spec from TOML.
-    ///
-    /// # Errors
-    /// [`crate::Error::Format`] for text that is not TOML, [`crate::Error::Invalid`] for a key that is
-    /// unknown, absent or out of range, and for keys that contradict each other.
-    pub fn parse(text: &str, file: &str) -> Result<ClothSpec> {
-        let spec: ClothSpec = rules::typed(rules::parse(text, file, &CLOTH_RULES)?, file, &CLOTH_RULES)?;
-        check_relations(file, &spec)?;
-        Ok(spec)
-    }
-
     /// How the cloth is made. `None` only for a spec that was not [parsed](ClothSpec::parse).
     pub fn made(&self) -> Option<ClothWeave<'_>> {
         match (&self.weave, &self.knit, &self.curves) {

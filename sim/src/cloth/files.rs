@@ -1,10 +1,11 @@
 //! Curves in files: our own TOML, Yuksel's `.bcc` and TexGen's `.tg3`.
 
 use super::bcc::{Bcc, BccCurve};
-use super::make::yarn_of;
 use super::tg3::{Tg3, Tg3Yarn};
 use super::{bcc, tg3};
-use plywave::cloth::{ClothCurves, Lattice, PlyCurve, YarnOfCloth};
+use crate::error::SimError;
+use plywave::Error;
+use plywave::cloth::{ClothCurves, ClothYarn, Lattice, PlyCurve, SourceCurves, YarnOfCloth};
 use std::path::Path;
 
 /// How far the end of a curve may be off its start, moved by a vector of the cell, over the step between its
@@ -31,6 +32,39 @@ impl CurveFormat {
             "tg3" => Some(CurveFormat::Tg3),
             _ => None,
         }
+    }
+}
+
+/// Curves of a file.
+pub(super) fn source_curves(source: &SourceCurves, yarn: &YarnOfCloth, bytes: &[u8]) -> Result<ClothCurves, SimError> {
+    let file = &source.file;
+    let refuse =
+        |what: String, hint: &str| -> SimError { Error::Format { file: file.clone(), what, hint: hint.into() }.into() };
+    let text = || {
+        std::str::from_utf8(bytes).map_err(|_| refuse("it is not UTF-8 text".into(), "use the file as it was written"))
+    };
+    match CurveFormat::of(file) {
+        Some(CurveFormat::Toml) => Ok(ClothCurves::parse(text()?, file)?),
+        Some(CurveFormat::Bcc) => {
+            let bcc = bcc::read(bytes).map_err(|what| refuse(what, "use a .bcc file of open curves"))?;
+            let Some(cell_um) = source.cell_um else {
+                return Err(Error::Invalid {
+                    file: file.clone(),
+                    key: "curves.cell_um".into(),
+                    value: "(absent)".into(),
+                    hint: "a .bcc has no cell: give the two vectors after which its curves repeat".into(),
+                }
+                .into());
+            };
+            from_bcc(&bcc, cell_um, source.um_per_unit.unwrap_or(1.0), yarn)
+                .map_err(|what| refuse(what, "use curves that repeat after vectors of cell_um"))
+        }
+        Some(CurveFormat::Tg3) => {
+            let tg3 = tg3::read(text()?).map_err(|what| refuse(what, "use a .tg3 file of TexGen"))?;
+            from_tg3(&tg3, source.cell_um, source.um_per_unit.unwrap_or(1000.0), yarn)
+                .map_err(|what| refuse(what, "use yarns with Repeat vectors in the plane"))
+        }
+        None => Err(refuse("its ending is not known".into(), "use .bcc, .tg3 or .toml")),
     }
 }
 
@@ -114,7 +148,7 @@ fn curves_of(all: &[(Vec<[f64; 3]>, f64)], cell_um: [[f64; 2]; 2]) -> Result<Clo
                 number + 1
             ));
         };
-        yarns.push(yarn_of(number, shift));
+        yarns.push(ClothYarn { kind: 0, number: number as i32, step: [0, 0], period: shift });
         curves.push(PlyCurve::through(number as u32, *radius_um, shift, &points[first..first + count], &lattice));
     }
     let cloth = ClothCurves { cell_um, yarns, curves };
@@ -123,12 +157,7 @@ fn curves_of(all: &[(Vec<[f64; 3]>, f64)], cell_um: [[f64; 2]; 2]) -> Result<Clo
 }
 
 /// Curves of a `.bcc`, with the radius of the yarn.
-pub(super) fn from_bcc(
-    bcc: &Bcc,
-    cell_um: [[f64; 2]; 2],
-    um_per_unit: f64,
-    yarn: &YarnOfCloth,
-) -> Result<ClothCurves, String> {
+fn from_bcc(bcc: &Bcc, cell_um: [[f64; 2]; 2], um_per_unit: f64, yarn: &YarnOfCloth) -> Result<ClothCurves, String> {
     if let Some(at) = bcc.curves.iter().position(|curve| curve.is_closed) {
         return Err(format!("curve {} is closed in itself", at + 1));
     }
@@ -146,7 +175,7 @@ pub(super) fn from_bcc(
 }
 
 /// Curves of a `.tg3`; the radius of a yarn is that of a circle of the area of its section.
-pub(super) fn from_tg3(
+fn from_tg3(
     tg3: &Tg3,
     cell_um: Option<[[f64; 2]; 2]>,
     um_per_unit: f64,

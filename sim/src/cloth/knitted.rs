@@ -1,9 +1,8 @@
 //! The start of a knitted cloth: from stitches and a yarn to chains.
 
 use super::knit::Knit;
-use super::make::MAX_NODES;
 use super::relax::Elements;
-use super::woven::{Start, element_um};
+use super::woven::{MAX_NODES, Start, element_um};
 use plywave::cloth::{ClothYarn, KnitSpec, Lattice, YarnOfCloth};
 
 /// What is wrong with a key: its name, value and a hint.
@@ -39,7 +38,7 @@ pub(super) fn knitted(spec: &KnitSpec, yarn: &YarnOfCloth) -> Result<Start, Refu
         return Err(("knit.loop_mm", format!("{nodes:.1e} nodes"), hint));
     }
     let elements = Elements { lattice, chains: Vec::new(), stations: Vec::new(), thickness_um: None };
-    let mut start = Start { elements, yarns: Vec::new(), of_chain: Vec::new() };
+    let mut start = Start { elements, yarns: Vec::new(), of_chain: Vec::new(), twists: Vec::new() };
     let curves = knit.curves(wale_um, course_um, yarn.radius_um());
     let step = curves.len() as i32;
     for (number, curve) in curves.iter().enumerate() {

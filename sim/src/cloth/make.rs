@@ -1,13 +1,13 @@
 //! From a cloth spec to relaxed curves.
 
-use super::files::{self, CurveFormat};
+use super::files::source_curves;
+use super::knitted;
 use super::measure::{ClothMeasures, measure};
 use super::relax::{Chain, Elements, MAX_OVERLAP, Relaxed, relax};
-use super::woven::{Start, woven};
-use super::{bcc, knitted, tg3};
+use super::woven::{MAX_NODES, Start, woven};
 use crate::error::SimError;
 use plywave::Error;
-use plywave::cloth::{ClothCurves, ClothSpec, ClothWeave, ClothYarn, Lattice, PlyCurve, SourceCurves, YarnOfCloth};
+use plywave::cloth::{Buckets, ClothCurves, ClothSpec, ClothWeave, Lattice, PlyCurve, YarnOfCloth};
 use plywave::fabric::{Draft, WeaveSpec, Wif};
 
 /// Largest unbalanced force of a relaxed cloth, over the mean tension of a strand.
@@ -17,8 +17,6 @@ const MAX_FORCE: f64 = 0.05;
 const WIDER: f64 = 1.3;
 const TRIES: i32 = 6;
 const HALVINGS: usize = 4;
-/// Most nodes of a cloth that is relaxed: some minutes of work.
-pub(super) const MAX_NODES: f64 = 5e5;
 
 /// A cloth's curves, and what is known of them.
 #[derive(Clone, Debug)]
@@ -67,9 +65,6 @@ pub fn make_cloth(
             }
             if draft != Draft::layers() {
                 notes.extend(draft.layers_note());
-            }
-            for (name, yarn) in [("warp", yarns[0]), ("weft", yarns[1])] {
-                notes.extend(twist_note(name, yarn, &draft, spec));
             }
             let spacing = yarns.map(|yarn| yarn.spacing_um().unwrap_or(1.0));
             let nodes = super::woven::nodes(&draft, yarns, spacing);
@@ -140,7 +135,9 @@ pub fn make_cloth(
                 return Ok(MadeCloth { curves, measures, relaxed: None, notes });
             }
             let nodes: f64 = curves.curves.iter().map(|curve| nodes_of(curve, &lattice) as f64).sum();
-            if nodes > MAX_NODES {
+            let largest = curves.curves.iter().map(|curve| curve.radius_um).fold(0.0, f64::max);
+            // Elements are longer where a curve was sampled unevenly.
+            if nodes > MAX_NODES || !Buckets::can_search(&lattice, nodes as usize, 8.0 * largest) {
                 let hint =
                     format!("its curves are too long to relax; use relax = false, or {MAX_NODES:.0e} nodes at most");
                 return Err(invalid("curves.file", format!("{nodes:.1e} nodes"), hint));
@@ -165,24 +162,18 @@ fn check_overlap(relaxed: &Relaxed, yarn: &YarnOfCloth) -> Result<(), (String, S
     Err((format!("{:.2} tex", yarn.count.tex()), hint))
 }
 
-/// What is to be said of a twist that a periodic cloth cannot have.
-fn twist_note(name: &str, yarn: &YarnOfCloth, draft: &Draft, spec: &ClothSpec) -> Option<String> {
-    if yarn.twist_per_m == 0.0 || yarn.strands() == 1 {
-        return None;
+/// What is to be said of twists that a periodic cloth cannot have.
+fn twist_notes(start: &Start, spec: &ClothSpec) -> Vec<String> {
+    let names: &[&str] = if spec.weave.is_some() { &["warp", "weft"] } else { &["yarn"] };
+    let mut notes = Vec::new();
+    for (name, (kind, yarn)) in names.iter().zip(spec.yarns().iter().enumerate()) {
+        let Some((_, used)) = start.twists.iter().find(|(of, _)| *of as usize == kind) else { continue };
+        let (used, wanted) = (1e6 * used.abs(), yarn.twist_per_m);
+        if (used - wanted).abs() > 0.02 * wanted {
+            notes.push(format!("{name}: {used:.0} turns a meter in place of {wanted:.0}, so that the cloth repeats"));
+        }
     }
-    let [i, j, k] = super::woven::least_cell(draft);
-    let spacings = spec.yarns().iter().map(|y| y.spacing_um().unwrap_or(1.0)).collect::<Vec<_>>();
-    let period = match name {
-        "warp" => k as f64 * spacings[1],
-        _ => (k / super::woven::gcd(j, k)) as f64 * i as f64 * spacings[0],
-    };
-    let symmetry = f64::from(yarn.symmetry());
-    let turns = (yarn.twist_per_m * 1e-6 * period * symmetry).round() / symmetry;
-    let used = turns / period * 1e6;
-    let is_near = (used / yarn.twist_per_m - 1.0).abs() < 0.02;
-    (!is_near).then(|| {
-        format!("{name}: {used:.0} turns a meter in place of {:.0}, so that the cloth repeats", yarn.twist_per_m)
-    })
+    notes
 }
 
 fn relaxed(
@@ -207,6 +198,7 @@ fn finished(
             relaxed.force, relaxed.steps
         ));
     }
+    notes.splice(0..0, twist_notes(&start, spec));
     let lattice = start.elements.lattice;
     let curves =
         start.elements.chains.iter().zip(&start.of_chain).map(|(chain, yarn)| smooth(chain, *yarn, &lattice)).collect();
@@ -247,48 +239,11 @@ fn start_of(curves: &ClothCurves, lattice: Lattice, yarn: &YarnOfCloth) -> Start
         })
         .collect();
     let elements = Elements { lattice, chains, stations: Vec::new(), thickness_um: None };
-    Start { elements, yarns: curves.yarns.clone(), of_chain: curves.curves.iter().map(|c| c.yarn).collect() }
+    let of_chain = curves.curves.iter().map(|c| c.yarn).collect();
+    Start { elements, yarns: curves.yarns.clone(), of_chain, twists: Vec::new() }
 }
 
 /// Nodes of a curve that was read.
 fn nodes_of(curve: &PlyCurve, lattice: &Lattice) -> usize {
     ((curve.length_um(lattice) / (super::woven::ELEMENT[0] * curve.radius_um)).ceil().min(1e9) as usize).max(8)
-}
-
-/// Curves of a file.
-fn source_curves(source: &SourceCurves, yarn: &YarnOfCloth, bytes: &[u8]) -> Result<ClothCurves, SimError> {
-    let file = &source.file;
-    let refuse =
-        |what: String, hint: &str| -> SimError { Error::Format { file: file.clone(), what, hint: hint.into() }.into() };
-    let text = || {
-        std::str::from_utf8(bytes).map_err(|_| refuse("it is not UTF-8 text".into(), "use the file as it was written"))
-    };
-    match CurveFormat::of(file) {
-        Some(CurveFormat::Toml) => Ok(ClothCurves::parse(text()?, file)?),
-        Some(CurveFormat::Bcc) => {
-            let bcc = bcc::read(bytes).map_err(|what| refuse(what, "use a .bcc file of open curves"))?;
-            let Some(cell_um) = source.cell_um else {
-                return Err(Error::Invalid {
-                    file: file.clone(),
-                    key: "curves.cell_um".into(),
-                    value: "(absent)".into(),
-                    hint: "a .bcc has no cell: give the two vectors after which its curves repeat".into(),
-                }
-                .into());
-            };
-            files::from_bcc(&bcc, cell_um, source.um_per_unit.unwrap_or(1.0), yarn)
-                .map_err(|what| refuse(what, "use curves that repeat after vectors of cell_um"))
-        }
-        Some(CurveFormat::Tg3) => {
-            let tg3 = tg3::read(text()?).map_err(|what| refuse(what, "use a .tg3 file of TexGen"))?;
-            files::from_tg3(&tg3, source.cell_um, source.um_per_unit.unwrap_or(1000.0), yarn)
-                .map_err(|what| refuse(what, "use yarns with Repeat vectors in the plane"))
-        }
-        None => Err(refuse("its ending is not known".into(), "use .bcc, .tg3 or .toml")),
-    }
-}
-
-/// One yarn for each curve that was read.
-pub(super) fn yarn_of(number: usize, period: [i32; 2]) -> ClothYarn {
-    ClothYarn { kind: 0, number: number as i32, step: [0, 0], period }
 }

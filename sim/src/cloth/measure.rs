@@ -3,7 +3,7 @@
 use plywave::cloth::{
     Buckets, ClothCurves, ClothLines, ClothYarn, Lattice, LineHits, PlyCurve, YarnOfCloth, whole_times,
 };
-use plywave::math::vec3::{cross, dot};
+use plywave::math::vec3::{cross, dot, sub, unit};
 use serde::Serialize;
 
 /// Sections of a yarn that are measured in one period.
@@ -12,8 +12,6 @@ const SECTIONS: usize = 64;
 /// powers: M. Roberts, "The unreasonable effectiveness of quasirandom sequences", 2018).
 const LINES: usize = 40_000;
 const STEPS: [f64; 2] = [0.754_877_666_246_692_8, 0.569_840_290_998_053_3];
-/// Largest radius of a ply over the width of the cell: more lie in each other.
-const MAX_RADIUS: f64 = 4.0;
 /// Samples of a curve from knot to knot.
 const SAMPLES: usize = 2;
 
@@ -49,17 +47,8 @@ pub struct ClothMeasures {
     pub overlap: f64,
 }
 
-fn sub(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
-    [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
-}
-
 fn norm(a: [f64; 3]) -> f64 {
     dot(a, a).sqrt()
-}
-
-fn unit(a: [f64; 3]) -> [f64; 3] {
-    let length = norm(a).max(1e-300);
-    a.map(|v| v / length)
 }
 
 /// A yarn of the cell: its curves, each once for every period of the yarn on it.
@@ -143,23 +132,26 @@ fn pieces(cloth: &ClothCurves, lattice: &Lattice) -> Vec<Piece> {
     pieces
 }
 
+/// Largest distance of a piece's middle from its wall [um].
+fn reach_of(pieces: &[Piece]) -> f64 {
+    pieces.iter().map(|p| p.radius + 0.5 * norm(sub(p.to, p.from))).fold(0.0, f64::max)
+}
+
 /// Measures a cloth. `yarns` are those of its spec, by kind; without one the mass is that of the others.
 ///
 /// # Errors
-/// As [`ClothLines::new`], and for plies much thicker than the cell.
+/// As [`ClothLines::new`], and for curves of which each reaches over many others.
 pub fn measure(cloth: &ClothCurves, lattice: &Lattice, yarns: &[&YarnOfCloth]) -> plywave::Result<ClothMeasures> {
-    let thickest = cloth.curves.iter().map(|curve| curve.radius_um).fold(0.0, f64::max);
-    let narrow = lattice.widths_um()[0].min(lattice.widths_um()[1]);
-    if thickest > MAX_RADIUS * narrow {
-        return Err(plywave::Error::Invalid {
-            file: "cloth".into(),
-            key: "curve.radius_um".into(),
-            value: thickest.to_string(),
-            hint: format!("use radii of {MAX_RADIUS} times the cell's width or less, here {narrow:.3} um"),
-        });
-    }
     let lines = ClothLines::new(cloth)?;
     let pieces = pieces(cloth, lattice);
+    if !Buckets::can_search(lattice, pieces.len(), 2.0 * reach_of(&pieces)) {
+        return Err(plywave::Error::Invalid {
+            file: "cloth".into(),
+            key: "curve".into(),
+            value: format!("{} curves", cloth.curves.len()),
+            hint: "use finer points and thinner plies: each reaches over many others".into(),
+        });
+    }
     let top = pieces.iter().map(|p| p.from[2] + p.radius).fold(f64::NEG_INFINITY, f64::max);
     let low = pieces.iter().map(|p| p.from[2] - p.radius).fold(f64::INFINITY, f64::min);
     let mut kinds: Vec<u32> = cloth.yarns.iter().map(|yarn| yarn.kind).collect();
@@ -239,8 +231,7 @@ fn overlap(cloth: &ClothCurves, lattice: &Lattice, pieces: &[Piece]) -> f64 {
     let middle = |p: &Piece| -> [f64; 3] { std::array::from_fn(|k| 0.5 * (p.from[k] + p.to[k])) };
     let points: Vec<[f64; 3]> = pieces.iter().map(middle).collect();
     let half = |p: &Piece| 0.5 * norm(sub(p.to, p.from));
-    let reach = pieces.iter().map(|p| p.radius + half(p)).fold(0.0, f64::max);
-    let buckets = Buckets::new(lattice, &points, 2.0 * reach);
+    let buckets = Buckets::new(lattice, &points, 2.0 * reach_of(pieces));
     let mut largest = 0.0f64;
     for (i, piece) in pieces.iter().enumerate() {
         let curve = &cloth.curves[piece.curve];
@@ -288,9 +279,8 @@ impl ClothSolid {
         let lines = ClothLines::new(cloth)?;
         let lattice = cloth.lattice("cloth")?;
         let pieces = pieces(cloth, &lattice);
-        let reach = pieces.iter().map(|p| p.radius + 0.5 * norm(sub(p.to, p.from))).fold(0.0, f64::max);
         let middles = pieces.iter().map(|p| std::array::from_fn(|k| 0.5 * (p.from[k] + p.to[k])));
-        let buckets = Buckets::new(&lattice, &middles.collect::<Vec<_>>(), reach);
+        let buckets = Buckets::new(&lattice, &middles.collect::<Vec<_>>(), reach_of(&pieces));
         Ok(ClothSolid { lattice, pieces, buckets, lines })
     }
 

@@ -15,7 +15,7 @@
 
 use super::minimize::minimize;
 use plywave::cloth::{Buckets, Lattice, whole_times};
-use plywave::math::vec3::dot;
+use plywave::math::vec3::{dot, sub};
 use rayon::prelude::*;
 
 /// Weight of the middles of two elements in their squared distance, over the square of their radius.
@@ -139,11 +139,6 @@ impl Nodes {
         }
         p
     }
-}
-
-/// a - b.
-fn sub(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
-    [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
 }
 
 /// Softened least squared distance of the elements p + s u and q + t v, with s and t.

@@ -11,16 +11,21 @@ use std::f64::consts::{PI, TAU};
 /// Length of an element over its strand's radius: of plies, and of bundles.
 pub(super) const ELEMENT: [f64; 2] = [0.33, 0.6];
 
+/// Most nodes of a cloth that is relaxed: some minutes of work.
+pub(super) const MAX_NODES: f64 = 5e5;
+
 /// Chains with the yarns that they belong to.
 pub(super) struct Start {
     pub elements: Elements,
     pub yarns: Vec<ClothYarn>,
     /// Yarn of each chain.
     pub of_chain: Vec<u32>,
+    /// Kind of each yarn of several strands, and its twist as it closes [turns/um].
+    pub twists: Vec<(u32, f64)>,
 }
 
 /// Least cell of a draft in ends and picks: the vectors (i, j) and (0, k).
-pub(super) fn least_cell(draft: &Draft) -> [usize; 3] {
+fn least_cell(draft: &Draft) -> [usize; 3] {
     let (ends, picks) = (draft.ends(), draft.picks());
     let is_same = |i: usize, j: usize| {
         (0..picks).all(|p| (0..ends).all(|e| draft.up(p, e) == draft.up((p + j) % picks, (e + i) % ends)))
@@ -47,7 +52,7 @@ pub(super) fn element_um(yarn: &YarnOfCloth) -> f64 {
     ELEMENT[usize::from(yarn.bundles > 1)] * yarn.strand_radius_um()
 }
 
-pub(super) fn gcd(a: usize, b: usize) -> usize {
+fn gcd(a: usize, b: usize) -> usize {
     if b == 0 { a } else { gcd(b, a % b) }
 }
 
@@ -67,7 +72,7 @@ pub(super) fn woven(draft: &Draft, yarns: [&YarnOfCloth; 2], spacing_um: [f64; 2
     let [sx, sy] = spacing_um;
     let lattice = Lattice::new([[i as f64 * sx, j as f64 * sy], [0.0, k as f64 * sy]])?;
     let elements = Elements { lattice, chains: Vec::new(), stations: Vec::new(), thickness_um: None };
-    let mut start = Start { elements, yarns: Vec::new(), of_chain: Vec::new() };
+    let mut start = Start { elements, yarns: Vec::new(), of_chain: Vec::new(), twists: Vec::new() };
     let apart = yarns[0].radius_um() + yarns[1].radius_um();
     // The looser yarn bends more.
     let tension = yarns.map(|yarn| if yarn.crimp_percent.is_some() { 1.0 } else { yarn.tension });
@@ -175,6 +180,7 @@ impl Start {
         }
         self.yarns.push(yarn);
         if count > 1 {
+            self.twists.push((yarn.kind, parts / symmetry / length_um));
             let yarn_radius = spec.radius_um();
             let cohesion = spec.cohesion * tension / (yarn_radius * yarn_radius);
             for i in 0..nodes {

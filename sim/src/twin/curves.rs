@@ -8,7 +8,7 @@
 
 use super::domain::{Domain, MAX_QUADS, PitchUsed, outline_share};
 use super::options::TwinMesh;
-use super::strand::{V3, unit};
+use super::strand::V3;
 use super::sweep::{ClothMesh, ThreadOfFiber, ring};
 use crate::error::SimError;
 use crate::geometry::outline::Outline;
@@ -18,18 +18,20 @@ use nalgebra::Rotation2;
 use plywave::Error;
 use plywave::cloth::{ClothCurves, Lattice, PlyCurve};
 use plywave::fabric::YarnSet;
-use plywave::math::vec3::{cross, dot};
+use plywave::math::vec3::{cross, dot, sub, unit};
 use plywave::spec::YarnSpec;
 use rand::RngExt;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::f64::consts::TAU;
 
 /// Largest difference of a curve's radius from its ply's, over it.
 const MAX_RADIUS_OFF: f64 = 0.02;
 /// Most vectors of the cell along a side of the least rectangle.
 const MAX_CELLS: i32 = 512;
+/// Most cells of the least rectangle.
+const MAX_RECTANGLE: f64 = 4096.0;
 /// Least number of yarns of a kind that a domain has of its own.
 const MIN_YARNS: usize = 4;
 /// Largest sides of a domain that is chosen [repeats].
@@ -113,6 +115,12 @@ impl TwinCurves {
             let hint = format!("use a cell of which {MAX_CELLS} or fewer make a rectangle along x and y");
             return Err(refuse("cell_um", format!("{:?}", curves.cell_um), hint));
         };
+        let cells = [x, y].map(|steps| lattice.vector(steps)).map(|v| v[0].max(v[1])).iter().product::<f64>();
+        let cells = cells / lattice.area_um2();
+        if cells > MAX_RECTANGLE {
+            let hint = format!("use a cell of which {MAX_RECTANGLE} or fewer make a rectangle along x and y");
+            return Err(refuse("cell_um", format!("{:?}", curves.cell_um), hint));
+        }
         let text = Text { name: name.into(), curves: curves.clone(), yarns: specs };
         // Strings, finite numbers and lists: nothing that JSON cannot hold.
         let text = serde_json::to_string(&text).unwrap_or_default();
@@ -211,14 +219,14 @@ impl TwinCurves {
         let (mut loops, mut yarns) = (Vec::new(), BTreeMap::new());
         for curve in &self.curves.curves {
             let yarn = &self.curves.yarns[curve.yarn as usize];
-            let mut seen: Vec<[i64; 2]> = Vec::new();
+            let mut seen = BTreeSet::new();
             for (place, start) in &cells {
                 if seen.contains(place) {
                     continue;
                 }
                 let (mut at, mut periods) = (*start, 0);
                 loop {
-                    seen.push(self.place(at, size));
+                    seen.insert(self.place(at, size));
                     at = plus(at, curve.shift);
                     periods += 1;
                     if self.place(at, size) == *place {
@@ -228,9 +236,13 @@ impl TwinCurves {
                 // Images of the yarn along its period are the same yarn: the least place names it.
                 let mut name = *place;
                 let mut image = *start;
-                for _ in 0..cells.len() {
+                loop {
                     image = plus(image, yarn.period);
-                    name = name.min(self.place(image, size));
+                    let there = self.place(image, size);
+                    if there == *place {
+                        break;
+                    }
+                    name = name.min(there);
                 }
                 let count = yarns.len() as u32;
                 let number = *yarns.entry((curve.yarn, name)).or_insert(count);
@@ -443,7 +455,6 @@ impl Path {
         // The first ring again, at the end.
         points.push(std::array::from_fn(|k| points[0][k] + way[k]));
         tangents.push(tangents[0]);
-        let sub = |a: V3, b: V3| -> V3 { std::array::from_fn(|k| a[k] - b[k]) };
         // Two reflections from ring to ring.
         let reflected = |w: V3, by: V3| -> V3 {
             let scale = 2.0 * dot(by, w) / dot(by, by).max(1e-300);

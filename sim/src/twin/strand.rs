@@ -11,17 +11,11 @@
 //! such a frame turns back by `cos(lean)` of every turn.
 
 use plywave::fabric::{Fabric, YarnSet, YarnShape};
-use plywave::math::vec3::dot;
 use plywave::spec::{Handedness, ply_circle_um};
 use std::f64::consts::TAU;
 
 /// A vector of three.
 pub(super) type V3 = [f64; 3];
-
-pub(super) fn unit(a: V3) -> V3 {
-    let scale = 1.0 / dot(a, a).max(f64::MIN_POSITIVE).sqrt();
-    a.map(|v| v * scale)
-}
 
 /// Step of the table of lengths [um].
 const TABLE_STEP_UM: f64 = 1.0;

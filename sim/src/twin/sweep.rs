@@ -8,7 +8,7 @@
 use super::cloth::TwinCloth;
 use super::domain::{Domain, MAX_QUADS, PlyOf, estimate, plies_of};
 use super::options::TwinMesh;
-use super::strand::{Helix, Strand, V3, Winding, unit};
+use super::strand::{Helix, Strand, V3, Winding};
 use crate::error::SimError;
 use crate::geometry::fiber_section::FiberSection;
 use crate::geometry::outline::{Outline, edges};
@@ -16,7 +16,7 @@ use crate::geometry::section::PlySection;
 use crate::simulate::stream;
 use nalgebra::{Rotation2, Vector2};
 use plywave::fabric::YarnSet;
-use plywave::math::vec3::{cross, dot};
+use plywave::math::vec3::{cross, dot, unit};
 use rand::RngExt;
 use rayon::prelude::*;
 use std::f64::consts::TAU;
