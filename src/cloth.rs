@@ -6,16 +6,23 @@
 //! textile units; `plywave_sim::cloth` makes the curves.
 
 mod curves;
+mod file;
 mod lattice;
 mod lines;
+mod make;
+mod model;
 mod rules;
+mod shade;
 mod spec;
 mod units;
 
 pub use curves::{ClothCurves, ClothYarn, CurvePoint, MAX_CURVE_POINTS, PlyCurve};
+pub use file::ClothData;
 pub use lattice::{Buckets, Lattice, whole_times};
 pub use lines::{ClothLines, LineHit, LineHits, MAX_HITS};
+pub use model::{ClothModel, ClothSurface};
 #[doc(hidden)]
 pub use rules::CLOTH_RULES;
+pub(crate) use shade::ClothShade;
 pub use spec::{ClothSpec, ClothWeave, KnitSpec, SourceCurves, YarnOfCloth};
 pub use units::Count;

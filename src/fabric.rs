@@ -6,29 +6,28 @@
 //! `y = (i + 1/2) spacing` of the weft; both go on without end, the draft repeats.
 //! Only the draft is stored, one bit per crossing: everything else is computed on demand, without allocation.
 //! A line hits the first yarn along it; light that leaves a ply hits other yarns (`between.rs`).
-//! A line meets the first yarn along it; light that leaves a ply meets other yarns (`between.rs`).
 
-mod at;
-mod between;
+pub(crate) mod at;
+pub(crate) mod between;
 mod bsdf;
 mod center_line;
-mod color_of;
+pub(crate) mod color_of;
 mod draft;
-mod dye;
-mod far;
+pub(crate) mod dye;
+pub(crate) mod far;
 mod far_query;
-mod flight;
-mod hit;
+pub(crate) mod flight;
+pub(crate) mod hit;
 mod layers;
 mod load;
 mod names;
 mod profile;
 mod regression;
 mod rules;
-mod shade;
-mod shadow;
+pub(crate) mod shade;
+pub(crate) mod shadow;
 mod spec;
-mod splines;
+pub(crate) mod splines;
 mod tensors;
 mod uv;
 mod walk;

@@ -7,6 +7,7 @@ pub mod axis;
 pub mod erf;
 pub mod faddeeva;
 pub(crate) mod fft;
+pub(crate) mod half;
 pub mod hash;
 pub(crate) mod parallel;
 pub(crate) mod simd;

@@ -1,11 +1,15 @@
-//! Fabrics as surfaces.
+//! Fabrics and cloths as surfaces.
 
 use crate::{Surface, WAVELENGTHS};
+use plywave::FabricQuery;
+use plywave::cloth::ClothSurface;
 use plywave::fabric::FabricBsdf;
-use plywave::{FabricModel, FabricQuery};
 
-impl Surface for FabricModel {
-    type At<'a> = FabricBsdf<'a, WAVELENGTHS>;
+impl<T: ClothSurface> Surface for T {
+    type At<'a>
+        = FabricBsdf<'a, WAVELENGTHS>
+    where
+        Self: 'a;
 
     fn at(
         &self,
@@ -14,6 +18,6 @@ impl Surface for FabricModel {
         wo: [f32; 3],
         lambda_um: [f32; WAVELENGTHS],
     ) -> FabricBsdf<'_, WAVELENGTHS> {
-        FabricModel::at(self, &FabricQuery { footprint_um, ..FabricQuery::new(uv_um, wo, lambda_um) })
+        self.surface_at(&FabricQuery { footprint_um, ..FabricQuery::new(uv_um, wo, lambda_um) })
     }
 }

@@ -1,10 +1,11 @@
 //! Lines through a cloth of curves: which plies a line hits, in order.
 //!
-//! Curves are cut into pieces of some 1.5 R, each with a capsule about its chord. A grid over the cell
-//! lists, for each bucket, the capsules whose plies reach into it. A line walks from bucket to bucket; in
-//! each it finds its distance to all chords there, in lanes. What is near enough is refined on the spline
-//! by Newton's steps on `(p(u) - x - t w) . p'(u) = 0`. A chord counts in the bucket in which the line is
-//! nearest to it, a place on a curve in the piece that holds it: each hit is found once.
+//! Curves are cut into pieces of some 1.5 R, each a cubic with the curve's points and tangents at its ends.
+//! A grid over the cell lists, for each bucket, the pieces whose plies reach into it, in blocks of lanes. A
+//! line walks from bucket to bucket; in each it finds its distance to all chords there. Blocks in which one
+//! is near enough are refined by Newton's steps on `(p(u) - x - t w) . p'(u) = 0`, all lanes at once. A chord
+//! counts in the bucket in which the line is nearest to it, a place on a curve in the piece that holds it:
+//! each hit is found once.
 
 use super::{ClothCurves, Lattice};
 use crate::Result;
@@ -16,21 +17,31 @@ use multiversion::multiversion;
 /// Length of a piece over its radius.
 const PIECE: f64 = 1.5;
 /// Side of a bucket over the mean radius.
-const BUCKET: f64 = 1.5;
+const BUCKET: f64 = 1.2;
 /// Chords that are tested at once.
 const LANES: usize = 8;
 /// Most hits of a line that are kept: the nearest.
-pub const MAX_HITS: usize = 48;
+pub const MAX_HITS: usize = 24;
 /// Buckets that a line walks through at most: what grazes for longer counts as gone.
 const MAX_STEPS: usize = 4096;
 /// Most steps of Newton's method, and the step over a piece's length at which it ends, and beyond which its
 /// last place is none. Lines across a curve take two, lines along one more.
 const ROUNDS: usize = 8;
-const CLOSE: f32 = 1e-3;
+const CLOSE: f32 = 5e-3;
 const AWAY: f32 = 0.05;
 /// Squared sine of a line's angle to a curve below which its way in the ply counts as no longer: by then
 /// the curve has bent away.
 const MIN_SINE2: f32 = 0.01;
+/// How far beyond its ends a piece is searched, over its length, and the square of how far beyond its chord
+/// a line may be nearest to it.
+const SLACK: f32 = 0.25;
+const BEYOND2: f32 = 0.16;
+/// Squared sine of the angle between line and piece from which on that is looked at.
+const ACROSS: f32 = 0.5;
+/// Room about heights [um].
+const MARGIN_UM: f32 = 1e-3;
+/// Share of light that is not followed.
+const MIN_LEFT: f32 = 3e-4;
 /// Most buckets of a cell.
 const MAX_BUCKETS: f64 = 65_536.0;
 /// Most pieces of a cloth.
@@ -63,6 +74,8 @@ pub struct LineHit {
     pub bend_per_um: [f32; 3],
     /// Radius of the ply [um].
     pub radius_um: f32,
+    /// Length of the curve for a step of 1 of its parameter there [um].
+    pub speed_um: f32,
 }
 
 /// Hits of a line by the way to their walls.
@@ -99,13 +112,18 @@ impl LineHits {
     }
 }
 
-/// Chords of a bucket, relative to the corner of its cell.
+/// Pieces of a bucket, relative to the corner of its cell.
 #[derive(Clone, Copy, Debug)]
 struct Block {
-    from: [[f32; LANES]; 3],
-    to: [[f32; LANES]; 3],
-    /// Square of the distance within which a line may hit; negative in empty lanes.
+    /// `[power of u][axis][lane]`: points of the pieces, u from 0 to 1.
+    cubic: [[[f32; LANES]; 3]; 4],
+    /// From their first ends to their last, and the squared length of that.
+    chord: [[f32; LANES]; 3],
+    chord2: [f32; LANES],
+    /// Square of the distance from its chord within which a line may hit; negative in empty lanes.
     reach2: [f32; LANES],
+    /// Heights between which a line may be nearest to the chords [um].
+    heights: [f32; 2],
     piece: [u32; LANES],
     /// Cells by which the piece is moved.
     cells: [[i16; 2]; LANES],
@@ -124,6 +142,39 @@ struct Piece {
 struct Spline {
     control: Vec<[f32; 3]>,
     radius: f32,
+    /// The period, in vectors of the cell.
+    shift: [i32; 2],
+}
+
+impl Spline {
+    /// Point, first and second derivative at a parameter of the period.
+    #[inline(always)]
+    fn at(&self, u: f32) -> ([f32; 3], [f32; 3], [f32; 3]) {
+        let last = self.control.len() - 4;
+        let first = min(max(u, 0.0), last as f32) as usize;
+        let t = u - first as f32;
+        let s = 1.0 - t;
+        let p = &self.control[first.min(last)..];
+        let w0 = [
+            s * s * s / 6.0,
+            (3.0 * t * t * t - 6.0 * t * t + 4.0) / 6.0,
+            (3.0 * s * s * s - 6.0 * s * s + 4.0) / 6.0,
+            t * t * t / 6.0,
+        ];
+        let w1 = [-0.5 * s * s, 1.5 * t * t - 2.0 * t, 2.0 * s - 1.5 * s * s, 0.5 * t * t];
+        let w2 = [s, 3.0 * t - 2.0, 1.0 - 3.0 * t, t];
+        let sum = |w: [f32; 4], k: usize| w[0] * p[0][k] + w[1] * p[1][k] + w[2] * p[2][k] + w[3] * p[3][k];
+        (std::array::from_fn(|k| sum(w0, k)), std::array::from_fn(|k| sum(w1, k)), std::array::from_fn(|k| sum(w2, k)))
+    }
+}
+
+/// A place on a curve in single precision.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct PlaceOnCurve {
+    pub center_um: [f32; 3],
+    pub tangent: [f32; 3],
+    pub bend_per_um: [f32; 3],
+    pub radius_um: f32,
 }
 
 /// A cloth of curves, ready for lines.
@@ -137,6 +188,8 @@ pub struct ClothLines {
     pieces: Vec<Piece>,
     splines: Vec<Spline>,
     half_thickness_um: f32,
+    /// Largest radius [um].
+    largest_um: f32,
 }
 
 impl ClothLines {
@@ -156,11 +209,11 @@ impl ClothLines {
             return Err(invalid("cloth", "curve.radius_um", format!("{mean:.3}"), hint));
         }
         // No more buckets than a cell of many yarns needs, nor than thick plies do.
-        let side = (BUCKET * mean).max(0.5 * thickest).max((lattice.area_um2() / MAX_BUCKETS).sqrt());
+        let side = (BUCKET * mean).max(0.25 * thickest).max((lattice.area_um2() / MAX_BUCKETS).sqrt());
         let widths = lattice.widths_um();
         let counts = widths.map(|w| ((w / side).round() as i32).max(1));
         let mut lists: Vec<Vec<(u32, [i32; 2])>> = vec![Vec::new(); (counts[0] * counts[1]) as usize];
-        let (mut pieces, mut chords) = (Vec::new(), Vec::new());
+        let (mut pieces, mut cubics) = (Vec::new(), Vec::new());
         let (mut half, mut entries) = (0.0f64, 0.0);
         let most = MAX_ENTRIES.min(MAX_SHARED * lists.len() as f64);
         for (index, curve) in cloth.curves.iter().enumerate() {
@@ -182,7 +235,15 @@ impl ClothLines {
                 half = half.max(p[2].abs() + reach);
                 let piece = pieces.len() as u32;
                 pieces.push(Piece { curve: index as u32, from: u as f32, to: v as f32 });
-                chords.push((p, q, reach));
+                let [d, e] = [u, v].map(|at| curve.at(&lattice, at).d_um.map(|d| d * (v - u)));
+                let way: [f64; 3] = std::array::from_fn(|k| q[k] - p[k]);
+                let cubic = [
+                    p,
+                    d,
+                    std::array::from_fn(|k| 3.0 * way[k] - 2.0 * d[k] - e[k]),
+                    std::array::from_fn(|k| d[k] + e[k] - 2.0 * way[k]),
+                ];
+                cubics.push((cubic, reach));
                 let range = range(&lattice, counts, [p, q], reach);
                 entries += range.iter().map(|[low, high]| f64::from(*high) - f64::from(*low) + 1.0).product::<f64>();
                 if entries > most {
@@ -194,24 +255,40 @@ impl ClothLines {
                 }
             }
         }
-        let (mut first, mut blocks) = (vec![0], Vec::new());
-        for list in &lists {
+        let (mut first, mut blocks) = (vec![0], Vec::<Block>::new());
+        for list in &mut lists {
+            // From below: lines go through the height of few blocks.
+            let middle = |piece: u32| {
+                let c = cubics[piece as usize].0;
+                c[0][2] + 0.5 * (c[1][2] + c[2][2] + c[3][2])
+            };
+            list.sort_by(|a, b| middle(a.0).total_cmp(&middle(b.0)).then(a.cmp(b)));
             for chunk in list.chunks(LANES) {
                 let mut block = Block {
-                    from: [[0.0; LANES]; 3],
-                    to: [[1.0; LANES]; 3],
+                    cubic: [[[0.0; LANES]; 3]; 4],
+                    chord: [[1.0; LANES]; 3],
+                    chord2: [3.0; LANES],
                     reach2: [-1.0; LANES],
+                    heights: [f32::INFINITY, f32::NEG_INFINITY],
                     piece: [0; LANES],
                     cells: [[0; 2]; LANES],
                 };
+                block.cubic[1] = [[1.0; LANES]; 3];
                 for (lane, (piece, cells)) in chunk.iter().enumerate() {
-                    let (p, q, reach) = chords[*piece as usize];
+                    let (cubic, reach) = cubics[*piece as usize];
                     let by = lattice.vector(*cells);
-                    for k in 0..3 {
-                        let move_by = if k < 2 { by[k] } else { 0.0 };
-                        block.from[k][lane] = (p[k] + move_by) as f32;
-                        block.to[k][lane] = (q[k] - p[k]) as f32;
+                    for (power, c) in cubic.iter().enumerate() {
+                        for k in 0..3 {
+                            let move_by = if power == 0 && k < 2 { by[k] } else { 0.0 };
+                            block.cubic[power][k][lane] = (c[k] + move_by) as f32;
+                        }
                     }
+                    let chord: [f64; 3] = std::array::from_fn(|k| cubic[1][k] + cubic[2][k] + cubic[3][k]);
+                    (0..3).for_each(|k| block.chord[k][lane] = chord[k] as f32);
+                    block.chord2[lane] = dot(chord, chord) as f32;
+                    let ends = [cubic[0][2], cubic[0][2] + chord[2]];
+                    block.heights[0] = block.heights[0].min((ends[0].min(ends[1]) - reach) as f32);
+                    block.heights[1] = block.heights[1].max((ends[0].max(ends[1]) + reach) as f32);
                     block.reach2[lane] = (reach * reach) as f32;
                     block.piece[lane] = *piece;
                     block.cells[lane] = cells.map(|c| c as i16);
@@ -229,7 +306,7 @@ impl ClothLines {
                 let p = curve.control_um[at.rem_euclid(n as i64) as usize];
                 [(p[0] + turns * way[0]) as f32, (p[1] + turns * way[1]) as f32, p[2] as f32]
             });
-            Spline { control: control.collect(), radius: curve.radius_um as f32 }
+            Spline { control: control.collect(), radius: curve.radius_um as f32, shift: curve.shift }
         });
         let unit = [[1.0, 0.0], [0.0, 1.0]].map(|e| lattice.fractions(e[0], e[1]));
         Ok(ClothLines {
@@ -241,12 +318,49 @@ impl ClothLines {
             pieces,
             splines: splines.collect(),
             half_thickness_um: half as f32,
+            largest_um: thickest as f32,
         })
     }
 
     /// Height above which there is no ply [um].
     pub fn half_thickness_um(&self) -> f32 {
         self.half_thickness_um
+    }
+
+    /// Number of curves.
+    pub(crate) fn curves(&self) -> usize {
+        self.splines.len()
+    }
+
+    /// Knots of a curve's period.
+    pub(crate) fn knots(&self, curve: usize) -> usize {
+        self.splines[curve].control.len() - 3
+    }
+
+    /// The place at a parameter of a curve's period.
+    pub(crate) fn place(&self, curve: usize, parameter: f32) -> PlaceOnCurve {
+        let spline = &self.splines[curve];
+        let (p, d, dd) = spline.at(parameter);
+        let speed2 = dot(d, d);
+        let tangent = d.map(|d| d / speed2.sqrt());
+        let along = dot(dd, tangent);
+        PlaceOnCurve {
+            center_um: p,
+            tangent,
+            bend_per_um: std::array::from_fn(|k| (dd[k] - along * tangent[k]) / speed2),
+            radius_um: spline.radius,
+        }
+    }
+
+    /// Length of a curve for a step of 1 of its parameter [um].
+    pub(crate) fn speed_um(&self, curve: usize, parameter: f32) -> f32 {
+        let d = self.splines[curve].at(parameter).1;
+        dot(d, d).sqrt()
+    }
+
+    /// The period of a curve, in vectors of the cell.
+    pub(crate) fn shift(&self, curve: usize) -> [i32; 2] {
+        self.splines[curve].shift
     }
 
     /// Bytes of memory.
@@ -261,7 +375,19 @@ impl ClothLines {
     /// the way to their walls; `hits` is emptied first. A ply within which the line starts counts if the
     /// line is nearest to its axis further on.
     pub fn hits(&self, from: [f32; 3], w: [f32; 3], hits: &mut LineHits) {
-        walk(self, from, w, hits);
+        walk(self, from, w, hits, |_| 1.0);
+    }
+
+    /// As [`ClothLines::hits`], until hardly any light is left: `passes` says of a hit which share of it
+    /// passes the ply. Beyond, hits are missing or not.
+    pub(crate) fn hits_while(
+        &self,
+        from: [f32; 3],
+        w: [f32; 3],
+        hits: &mut LineHits,
+        passes: impl FnMut(&LineHit) -> f32,
+    ) {
+        walk(self, from, w, hits, passes);
     }
 }
 
@@ -310,13 +436,19 @@ fn buckets(
     "x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+avx2+bmi1+bmi2+fma",
     "x86_64+avx2+bmi1+bmi2+fma"
 ))]
-fn walk(cloth: &ClothLines, from: [f32; 3], w: [f32; 3], hits: &mut LineHits) {
+fn walk<F: FnMut(&LineHit) -> f32>(
+    cloth: &ClothLines,
+    from: [f32; 3],
+    w: [f32; 3],
+    hits: &mut LineHits,
+    mut passes: F,
+) {
     hits.count = 0;
     // The way until the line has left the cloth, and the way to where it comes in.
     let half = cloth.half_thickness_um;
     let per_z = 1.0 / if w[2].abs() < 1e-6 { 1e-6f32.copysign(w[2]) } else { w[2] };
-    let (near, far) = ((-half - from[2]) * per_z, (half - from[2]) * per_z);
-    let (begin, end) = (max(min(near, far), 0.0), max(near, far));
+    let [low, high] = [(-half - from[2]) * per_z, (half - from[2]) * per_z];
+    let (begin, mut end) = (max(min(low, high), 0.0), max(low, high));
     if end <= begin || !(end.is_finite() && begin.is_finite()) {
         return;
     }
@@ -332,7 +464,7 @@ fn walk(cloth: &ClothLines, from: [f32; 3], w: [f32; 3], hits: &mut LineHits) {
         let at = (bucket[k] + i32::from(step[k] > 0)) as f32 / counts[k];
         if per_rate[k].is_finite() { (at - start[k]) * per_rate[k] } else { f32::INFINITY }
     };
-    let mut at = begin;
+    let (mut at, mut left, last) = (begin, 1.0, end);
     for _ in 0..MAX_STEPS {
         let next = [border(bucket, 0), border(bucket, 1)];
         let leave = max(min(min(next[0], next[1]), end), at);
@@ -345,33 +477,23 @@ fn walk(cloth: &ClothLines, from: [f32; 3], w: [f32; 3], hits: &mut LineHits) {
         let number = (here[0] * cloth.counts[1] + here[1]) as usize;
         // A line of one bucket has no borders.
         let least = if at == begin { f32::NEG_INFINITY } else { at };
-        let most = if leave >= end { f32::INFINITY } else { leave };
+        let most = if leave >= last { f32::INFINITY } else { leave };
+        let [z, z_to] = [at, leave].map(|way| from[2] + way * w[2]);
+        let (low, high) = (min(z, z_to) - MARGIN_UM, max(z, z_to) + MARGIN_UM);
         for block in &cloth.blocks[cloth.first[number] as usize..cloth.first[number + 1] as usize] {
-            let (mut near2, mut share, mut way) = ([0.0f32; LANES], [0.0f32; LANES], [0.0f32; LANES]);
-            for l in 0..LANES {
-                let e = [block.from[0][l] - origin[0], block.from[1][l] - origin[1], block.from[2][l] - origin[2]];
-                let d = [block.to[0][l], block.to[1][l], block.to[2][l]];
-                let ew = e[0] * w[0] + e[1] * w[1] + e[2] * w[2];
-                let dw = d[0] * w[0] + d[1] * w[1] + d[2] * w[2];
-                let ed = e[0] * d[0] + e[1] * d[1] + e[2] * d[2] - ew * dw;
-                let dd = d[0] * d[0] + d[1] * d[1] + d[2] * d[2] - dw * dw;
-                let ee = e[0] * e[0] + e[1] * e[1] + e[2] * e[2] - ew * ew;
-                let s = min(max(-ed / max(dd, 1e-6), 0.0), 1.0);
-                near2[l] = ee + s * (2.0 * ed + s * dd);
-                share[l] = s;
-                way[l] = ew + s * dw;
+            if block.heights[0] > high || block.heights[1] < low {
+                continue;
             }
+            let Some(mut found) = near(block, origin, w, [least, most]) else { continue };
+            refine(block, origin, w, &mut found);
             for l in 0..LANES {
-                if near2[l] <= block.reach2[l] && way[l] >= least && way[l] < most {
-                    let piece = &cloth.pieces[block.piece[l] as usize];
-                    let cells = [0, 1].map(|k| i32::from(block.cells[l][k]));
-                    let moved = [0, 1].map(|k| (cells[0] as f32) * a[k] + (cells[1] as f32) * b[k]);
-                    let origin = [origin[0] - moved[0], origin[1] - moved[1], origin[2]];
-                    if let Some(mut hit) = refine(cloth, piece, share[l], origin, w) {
-                        hit.cells = [cells[0] + cell[0], cells[1] + cell[1]];
-                        if hit.nearest_um >= 0.0 {
-                            hits.add(hit);
-                        }
+                let radius = cloth.splines[cloth.pieces[block.piece[l] as usize].curve as usize].radius;
+                if found.counts[l] > 0.0 && found.h2[l] < radius * radius && (0.0..1.0).contains(&found.u[l]) {
+                    let mut hit = hit(cloth, &cloth.pieces[block.piece[l] as usize], &found, l, w);
+                    hit.cells = [0, 1].map(|k| i32::from(block.cells[l][k]) + cell[k]);
+                    if hit.nearest_um >= 0.0 {
+                        left *= passes(&hit);
+                        hits.add(hit);
                     }
                 }
             }
@@ -379,89 +501,153 @@ fn walk(cloth: &ClothLines, from: [f32; 3], w: [f32; 3], hits: &mut LineHits) {
         if leave >= end {
             break;
         }
+        if left < MIN_LEFT && end == last {
+            // Plies that come next may be entered before those that were hit.
+            end = min(end, leave + 2.0 * cloth.largest_um);
+        }
         let k = usize::from(next[1] < next[0]);
         bucket[k] += step[k];
         at = leave;
     }
 }
 
-/// The place of a piece that is nearest to the line, if the line hits the ply there. `origin` is the line's
-/// start as the curve sees it.
+/// Lanes of a block that a line may hit.
+struct Near {
+    /// 1 where it may, 0 elsewhere.
+    counts: [f32; LANES],
+    /// Parameter of the piece.
+    u: [f32; LANES],
+    /// Point from the line's start, first and second derivative.
+    point: [[f32; LANES]; 3],
+    d: [[f32; LANES]; 3],
+    dd: [[f32; LANES]; 3],
+    /// Way along the line, and squared distance from it.
+    way: [f32; LANES],
+    h2: [f32; LANES],
+}
+
+/// The lanes whose chords the line comes near on its way from `least` to `most`; `None` where there is none.
 #[inline(always)]
-fn refine(cloth: &ClothLines, piece: &Piece, share: f32, origin: [f32; 3], w: [f32; 3]) -> Option<LineHit> {
-    let spline = &cloth.splines[piece.curve as usize];
-    let last = spline.control.len() - 4;
-    let mut u = piece.from + share * (piece.to - piece.from);
-    let slack = 0.25 * (piece.to - piece.from);
-    let [low, high] = [piece.from - slack, piece.to + slack];
-    let at = |u: f32| {
-        let first = min(max(u, 0.0), last as f32) as usize;
-        let t = u - first as f32;
-        let s = 1.0 - t;
-        let p = &spline.control[first.min(last)..];
-        let w0 = [
-            s * s * s / 6.0,
-            (3.0 * t * t * t - 6.0 * t * t + 4.0) / 6.0,
-            (3.0 * s * s * s - 6.0 * s * s + 4.0) / 6.0,
-            t * t * t / 6.0,
-        ];
-        let w1 = [-0.5 * s * s, 1.5 * t * t - 2.0 * t, 2.0 * s - 1.5 * s * s, 0.5 * t * t];
-        let w2 = [s, 3.0 * t - 2.0, 1.0 - 3.0 * t, t];
-        let sum = |w: [f32; 4], k: usize| w[0] * p[0][k] + w[1] * p[1][k] + w[2] * p[2][k] + w[3] * p[3][k];
-        let point: [f32; 3] = std::array::from_fn(|k| sum(w0, k) - origin[k]);
-        let d: [f32; 3] = std::array::from_fn(|k| sum(w1, k));
-        let dd: [f32; 3] = std::array::from_fn(|k| sum(w2, k));
-        (point, d, dd)
-    };
-    let mut here = at(u);
-    let mut step = f32::INFINITY;
-    for _ in 0..ROUNDS {
-        let (p, d, dd) = here;
-        let (pw, dw, ddw) = (dot(p, w), dot(d, w), dot(dd, w));
-        let slope = dot(p, d) - pw * dw;
-        let bend = dot(d, d) - dw * dw + dot(p, dd) - pw * ddw;
-        // Where the distance curves the other way, the step that a straight curve has.
-        let bend = if bend > 0.1 * dot(d, d) { bend } else { max(dot(d, d) - dw * dw, 0.05 * dot(d, d)) };
-        let next = min(max(u - slope / bend, low), high);
-        (step, u) = ((next - u).abs(), next);
-        here = at(u);
-        if step < CLOSE * (piece.to - piece.from) {
+fn near(block: &Block, origin: [f32; 3], w: [f32; 3], [least, most]: [f32; 2]) -> Option<Near> {
+    let (mut u, mut counts) = ([0.0f32; LANES], [0.0f32; LANES]);
+    for l in 0..LANES {
+        let (p, d) = (&block.cubic[0], [block.chord[0][l], block.chord[1][l], block.chord[2][l]]);
+        let e = [p[0][l] - origin[0], p[1][l] - origin[1], p[2][l] - origin[2]];
+        let ew = e[0] * w[0] + e[1] * w[1] + e[2] * w[2];
+        let dw = d[0] * w[0] + d[1] * w[1] + d[2] * w[2];
+        let ed = e[0] * d[0] + e[1] * d[1] + e[2] * d[2] - ew * dw;
+        let all = block.chord2[l];
+        let dd = all - dw * dw;
+        let ee = e[0] * e[0] + e[1] * e[1] + e[2] * e[2] - ew * ew;
+        let free = -ed / max(dd, 1e-6);
+        let s = min(max(free, 0.0), 1.0);
+        let near2 = ee + s * (2.0 * ed + s * dd);
+        let way = ew + s * dw;
+        // Of lines across a piece that are nearest beyond its ends, the place lies in the next one.
+        let beyond = if dd > ACROSS * all { (free - s) * (free - s) * dd } else { 0.0 };
+        let over = max(max(near2 - block.reach2[l], beyond - BEYOND2 * all), max(least - way, way - most));
+        u[l] = s;
+        counts[l] = if over <= 0.0 { 1.0 } else { 0.0 };
+    }
+    let any = counts.iter().fold(0.0f32, |sum, c| sum + c) > 0.0;
+    any.then_some(Near {
+        counts,
+        u,
+        point: [[0.0; LANES]; 3],
+        d: [[0.0; LANES]; 3],
+        dd: [[0.0; LANES]; 3],
+        way: [0.0; LANES],
+        h2: [0.0; LANES],
+    })
+}
+
+/// Moves the parameters to where the line is nearest to the curves. Lanes that do not get there are near no
+/// more.
+#[inline(always)]
+fn refine(block: &Block, origin: [f32; 3], w: [f32; 3], near: &mut Near) {
+    let mut moved = [0.0f32; LANES];
+    for round in 0..=ROUNDS {
+        let mut sums = [[0.0f32; LANES]; 7];
+        for k in 0..3 {
+            let [c0, c1, c2, c3] = [0, 1, 2, 3].map(|power: usize| &block.cubic[power][k]);
+            let (x, w) = (origin[k], w[k]);
+            let (mut p, mut d, mut dd) = ([0.0f32; LANES], [0.0f32; LANES], [0.0f32; LANES]);
+            for l in 0..LANES {
+                let u = near.u[l];
+                p[l] = c0[l] - x + u * (c1[l] + u * (c2[l] + u * c3[l]));
+                d[l] = c1[l] + u * (2.0 * c2[l] + u * 3.0 * c3[l]);
+                dd[l] = 2.0 * c2[l] + 6.0 * u * c3[l];
+            }
+            for l in 0..LANES {
+                sums[0][l] += p[l] * w;
+                sums[1][l] += d[l] * w;
+                sums[2][l] += dd[l] * w;
+                sums[3][l] += p[l] * d[l];
+                sums[4][l] += d[l] * d[l];
+                sums[5][l] += p[l] * dd[l];
+                sums[6][l] += p[l] * p[l];
+            }
+            (near.point[k], near.d[k], near.dd[k]) = (p, d, dd);
+        }
+        let [pw, dw, ddw, pd, d2, pdd, pp] = &sums;
+        for l in 0..LANES {
+            near.way[l] = pw[l];
+            near.h2[l] = max(pp[l] - pw[l] * pw[l], 0.0);
+        }
+        let mut to = [0.0f32; LANES];
+        for l in 0..LANES {
+            let slope = pd[l] - pw[l] * dw[l];
+            let straight = d2[l] - dw[l] * dw[l];
+            let bend = straight + pdd[l] - pw[l] * ddw[l];
+            // Where the distance curves the other way, the step that a straight curve has.
+            let bend = if bend > 0.1 * d2[l] { bend } else { max(straight, 0.05 * d2[l]) };
+            to[l] = min(max(near.u[l] - slope / bend, -SLACK), 1.0 + SLACK);
+            moved[l] = near.counts[l] * (to[l] - near.u[l]).abs();
+        }
+        let mut furthest = 0.0f32;
+        for l in 0..LANES {
+            furthest = max(furthest, moved[l]);
+        }
+        if round < ROUNDS {
+            near.u = to;
+        }
+        if furthest < CLOSE {
             break;
         }
     }
-    if step > AWAY * (piece.to - piece.from) {
-        return None;
+    for l in 0..LANES {
+        near.counts[l] = if moved[l] < AWAY { near.counts[l] } else { 0.0 };
     }
-    let (p, d, dd) = here;
-    if u < piece.from || u >= piece.to {
-        return None;
-    }
-    let nearest = dot(p, w);
+}
+
+/// The hit of a lane.
+#[inline(always)]
+fn hit(cloth: &ClothLines, piece: &Piece, near: &Near, l: usize, w: [f32; 3]) -> LineHit {
+    let [p, d, dd] = [&near.point, &near.d, &near.dd].map(|of| [of[0][l], of[1][l], of[2][l]]);
+    let radius = cloth.splines[piece.curve as usize].radius;
+    let nearest = near.way[l];
     let off: [f32; 3] = std::array::from_fn(|k| p[k] - nearest * w[k]);
-    let h2 = dot(off, off);
-    let radius = spline.radius;
-    if h2 >= radius * radius {
-        return None;
-    }
+    let h2 = min(dot(off, off), radius * radius);
     let speed2 = dot(d, d);
     let per = 1.0 / speed2.sqrt();
     let tangent = d.map(|d| d * per);
     let across = cross(w, tangent);
     let sine2 = max(dot(across, across), MIN_SINE2);
     let along = dot(dd, tangent);
-    let bend: [f32; 3] = std::array::from_fn(|k| (dd[k] - along * tangent[k]) / speed2);
-    Some(LineHit {
+    let knots = piece.to - piece.from;
+    LineHit {
         curve: piece.curve,
         cells: [0; 2],
-        parameter: u,
+        parameter: piece.from + near.u[l] * knots,
         nearest_um: nearest,
         enter_um: nearest - ((radius * radius - h2) / sine2).sqrt(),
         h_um: h2.sqrt().copysign(dot(off, across)),
         tangent,
         center_um: p,
-        bend_per_um: bend,
+        bend_per_um: std::array::from_fn(|k| (dd[k] - along * tangent[k]) / speed2),
         radius_um: radius,
-    })
+        speed_um: speed2 * per / knots,
+    }
 }
 
 #[cfg(test)]
@@ -570,7 +756,6 @@ mod tests {
             lines.hits(from.map(|v| v as f32), w.map(|v| v as f32), &mut hits);
             // The brute force sees images around the origin.
             let mut want = brute(&cloth, from, w);
-            want.truncate(MAX_HITS);
             for hit in hits.as_slice() {
                 let radius = hit.radius_um;
                 // A place on a curve is found from both sides of an end.

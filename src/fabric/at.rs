@@ -8,10 +8,10 @@
 //! turned about the surface's normal.
 
 use super::YarnSet;
-use super::between::BetweenAt;
+use super::between::{BetweenAt, CLASSES_A_KIND};
 use super::far::FarAt;
 use super::hit::MAX_NEAR;
-use super::shade::Occlusion;
+use super::shade::Shade;
 use super::shadow::Toward;
 use crate::bsdf::{DirectionSample, Outcomes};
 use crate::frame::is_direction;
@@ -42,7 +42,7 @@ fn to_fabric(frame: &[[f32; 3]; 3], w: [f32; 3]) -> [f32; 3] {
 }
 
 /// A direction of the surface's frame in that of the pattern, turned by an angle of this cosine and sine.
-pub(super) fn to_pattern([c, s]: [f32; 2], w: [f32; 3]) -> [f32; 3] {
+pub(crate) fn to_pattern([c, s]: [f32; 2], w: [f32; 3]) -> [f32; 3] {
     [c * w[0] + s * w[1], c * w[1] - s * w[0], w[2]]
 }
 
@@ -53,13 +53,13 @@ fn to_surface([c, s]: [f32; 2], w: [f32; 3]) -> [f32; 3] {
 
 /// A ply near the line.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct NearPly<'a, L, const N: usize> {
+pub(crate) struct NearPly<'a, L, const N: usize> {
     pub ply: PlyOn<'a, L, N>,
     pub frame: [[f32; 3]; 3],
-    pub shade: Occlusion<'a>,
+    pub shade: Shade<'a>,
     pub exits: ExitsAt,
-    pub family: YarnSet,
-    pub is_double: bool,
+    /// Class of a first ply.
+    pub class: usize,
     /// Share of the beam that comes to it.
     pub arrives: f32,
     /// Share of that which it catches; of plies beside the one that the line meets.
@@ -74,16 +74,16 @@ pub(super) struct NearPly<'a, L, const N: usize> {
 impl<'a, const N: usize> NearPly<'a, Uncached<'a, N>, N> {
     /// With its lobes interpolated once, for many directions.
     fn prepared(&self) -> NearPly<'a, Cached<'a, N>, N> {
-        let NearPly { frame, shade, exits, family, is_double, arrives, caught, energy, hit, chance, .. } = *self;
+        let NearPly { frame, shade, exits, class, arrives, caught, energy, hit, chance, .. } = *self;
         let mut ply = self.ply.model.unprepared(&self.ply.query).into_ply();
         ply.prepare();
-        NearPly { ply, frame, shade, exits, family, is_double, arrives, caught, energy, hit, chance }
+        NearPly { ply, frame, shade, exits, class, arrives, caught, energy, hit, chance }
     }
 }
 
 impl<L: Lobes<N>, const N: usize> NearPly<'_, L, N> {
     /// Finds the energies; r_d comes out.
-    pub(super) fn energies(&mut self) -> f32 {
+    pub(crate) fn energies(&mut self) -> f32 {
         let (energy, r_d) = self.ply.albedo_r_d();
         self.energy = energy;
         self.hit = self.ply.hit_chance();
@@ -152,7 +152,7 @@ impl<L: Lobes<N>, const N: usize> NearPly<'_, L, N> {
 
 /// What becomes of the light that passes all plies.
 #[derive(Clone, Copy, Debug)]
-pub(super) enum Passes<'a, const N: usize> {
+pub(crate) enum Passes<'a, const N: usize> {
     /// It goes straight on.
     Straight,
     /// It is diffracted at the edge of the ply that the line meets.
@@ -181,21 +181,21 @@ const FOR_SHADOWS: f32 = 1.25;
 #[derive(Clone, Copy, Debug)]
 pub struct FabricBsdf<'a, const N: usize> {
     /// The ply that the line meets, and its place among those that it comes near.
-    pub(super) main: Option<NearPly<'a, Cached<'a, N>, N>>,
-    pub(super) others: [Option<NearPly<'a, Uncached<'a, N>, N>>; MAX_NEAR],
-    pub(super) passes: Passes<'a, N>,
+    pub(crate) main: Option<NearPly<'a, Cached<'a, N>, N>>,
+    pub(crate) others: [Option<NearPly<'a, Uncached<'a, N>, N>>; MAX_NEAR],
+    pub(crate) passes: Passes<'a, N>,
     /// Energy that passes all plies.
-    pub(super) passing: f32,
-    pub(super) between: BetweenAt<N>,
+    pub(crate) passing: f32,
+    pub(crate) between: BetweenAt<N>,
     /// Chances of what passes, and of light between yarns that leaves up and down.
-    pub(super) chances: [f32; 3],
+    pub(crate) chances: [f32; 3],
     /// Cosine and sine of the pattern's turn.
-    pub(super) turn: [f32; 2],
-    pub(super) is_double: bool,
+    pub(crate) turn: [f32; 2],
+    pub(crate) is_double: bool,
     /// In a gap with diffracted light: its spectra.
-    pub(super) aperture: Option<[u16; 2]>,
+    pub(crate) aperture: Option<[u16; 2]>,
     /// The mean over the repeat, and its share; all else has the rest.
-    pub(super) far: Option<(FarAt<'a, N>, f32)>,
+    pub(crate) far: Option<(FarAt<'a, N>, f32)>,
 }
 
 impl<const N: usize> FabricBsdf<'_, N> {
@@ -216,19 +216,19 @@ impl<const N: usize> FabricBsdf<'_, N> {
         self.is_double
     }
 
-    /// f of the plies of one family towards `lights`, and the energies that they scatter, of one layer and of
-    /// two.
-    pub(super) fn of_family(&self, family: YarnSet, lights: &[Toward]) -> (Vec<[f32; N]>, [[f32; N]; 2]) {
-        let (mut f, mut first) = (vec![[0.0; N]; lights.len()], [[0.0; N]; 2]);
-        let mut scatters = |is_double: bool, arrives: f32, energy: &[f32; N]| {
-            (0..N).for_each(|k| first[usize::from(is_double)][k] += arrives * energy[k]);
+    /// f of the plies of one kind of yarn towards `lights`, and the energies that they scatter by class.
+    pub(crate) fn of_kind(&self, kind: usize, lights: &[Toward]) -> (Vec<[f32; N]>, [[f32; N]; CLASSES_A_KIND]) {
+        let (mut f, mut first) = (vec![[0.0; N]; lights.len()], [[0.0; N]; CLASSES_A_KIND]);
+        let mut scatters = |class: usize, arrives: f32, energy: &[f32; N]| {
+            (0..N).for_each(|k| first[class % CLASSES_A_KIND][k] += arrives * energy[k]);
         };
-        if let Some(ply) = self.main.as_ref().filter(|ply| ply.family == family) {
-            scatters(ply.is_double, ply.arrives, &ply.energy);
+        let is_of = |class: usize| class / CLASSES_A_KIND == kind;
+        if let Some(ply) = self.main.as_ref().filter(|ply| is_of(ply.class)) {
+            scatters(ply.class, ply.arrives, &ply.energy);
             ply.add_all(lights, &mut f);
         }
-        for ply in self.others.iter().flatten().filter(|ply| ply.family == family) {
-            scatters(ply.is_double, ply.arrives, &ply.energy);
+        for ply in self.others.iter().flatten().filter(|ply| is_of(ply.class)) {
+            scatters(ply.class, ply.arrives, &ply.energy);
             ply.prepared().add_all(lights, &mut f);
         }
         (f, first)
@@ -241,7 +241,7 @@ impl<const N: usize> FabricBsdf<'_, N> {
     /// share m is not caught by other yarns. If shadows took as much in every direction, that root would be m
     /// of its energy, if they took all or nothing, `m^(1/2)`; what is taken is between. (tests/it/cloth.rs
     /// has the weights.)
-    pub(super) fn set_chances(&mut self) {
+    pub(crate) fn set_chances(&mut self) {
         let mean = |x: &[f32; N]| x.iter().sum::<f32>() / N.max(1) as f32;
         let root_mean_square = |x: &[f32; N]| (x.iter().map(|x| x * x).sum::<f32>() / N.max(1) as f32).sqrt();
         let between = self.between.energy.map(|e| FOR_SHADOWS * root_mean_square(&e));
@@ -456,7 +456,7 @@ impl<const N: usize> Bsdf<N> for FabricBsdf<'_, N> {
 }
 
 /// The two families' numbers by what they are to a yarn: its own, the other's.
-pub(super) fn by_family<T: Copy>(family: YarnSet, own: T, other: T) -> [T; 2] {
+pub(crate) fn by_family<T: Copy>(family: YarnSet, own: T, other: T) -> [T; 2] {
     match family {
         YarnSet::Warp => [own, other],
         YarnSet::Weft => [other, own],

@@ -14,7 +14,7 @@ use super::dye::{Channels, Dye, colors_of, own_color, shares_of};
 use super::far::Far;
 use super::flight::Candidate;
 use super::hit::MAX_NEAR;
-use super::shade::Occlusion;
+use super::shade::{Occlusion, Shade};
 use super::shadow::{Passing, Shadows};
 use super::{Fabric, FabricSpec, Gap, LoadedFabric, PlyHit, YarnColor, YarnSet};
 use crate::bsdf::DirectionSample;
@@ -526,16 +526,15 @@ impl FabricModel {
         let hit = &near.hit;
         NearPly {
             frame: hit.frame,
-            shade: Occlusion::new(
+            shade: Shade::Yarns(Occlusion::new(
                 (&self.fabric, &self.shadows, ply.model),
                 near,
                 wo,
                 [self.options.shadowing, self.options.layers],
-            ),
+            )),
             exits: ply.model.exits_at(hit.theta_i, hit.h_um, self.fabric.yarns[hit.family as usize].radius),
             ply,
-            family: hit.family,
-            is_double: hit.is_double,
+            class: class(hit),
             arrives,
             caught: 0.0,
             energy: [0.0; N],

@@ -87,7 +87,7 @@ impl Light {
 }
 
 /// A cloth as its colors need it.
-pub(super) trait Sheet {
+pub(crate) trait Sheet {
     /// Size of its repeat [um].
     fn repeat_um(&self) -> [f64; 2];
 
@@ -138,7 +138,7 @@ fn on_pile([r, t]: [f64; 2], [from_below_r, from_below_t]: [f64; 2], pile: f64) 
 }
 
 /// The curve of a meaning; of a cloth that is shaded by rays. `even_sky` is the curve of the first meaning.
-pub(super) fn curve(sheet: &impl Sheet, of: ColorOf, even_sky: &AlbedoCurve) -> AlbedoCurve {
+pub(crate) fn curve(sheet: &impl Sheet, of: ColorOf, even_sky: &AlbedoCurve) -> AlbedoCurve {
     match of {
         ColorOf::EvenSky => even_sky.clone(),
         ColorOf::Reflected => {

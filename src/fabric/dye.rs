@@ -60,7 +60,7 @@ impl ColorReach {
 
 /// Absorption of a yarn.
 #[derive(Clone, Debug)]
-pub(super) enum Dye {
+pub(crate) enum Dye {
     /// The same at every wavelength.
     Even(f32),
     /// Over the wavelength, and of the three channels of linear sRGB and of BT.2020.
@@ -69,7 +69,7 @@ pub(super) enum Dye {
 
 impl Dye {
     /// The absorption that gives yarns of this albedo the color.
-    pub(super) fn new(color: YarnColor, curve: &AlbedoCurve) -> Dye {
+    pub(crate) fn new(color: YarnColor, curve: &AlbedoCurve) -> Dye {
         match color {
             YarnColor::Undyed => Dye::Even(0.0),
             YarnColor::Sigma(sigma) => Dye::Even(sigma),
@@ -85,7 +85,7 @@ impl Dye {
     }
 
     /// The color that opaque fibers have by themselves, in a cloth of this albedo.
-    pub(super) fn of_metal(reflections: &Reflections, curve: &AlbedoCurve) -> Dye {
+    pub(crate) fn of_metal(reflections: &Reflections, curve: &AlbedoCurve) -> Dye {
         let sigma = SigmaSpectrum::from_fn(|lambda_um| reflections.sigma_per_um(lambda_um));
         let xyz = xyz_of_reflectance(|l| curve.albedo(f64::from(sigma.at(l as f32))));
         let rgb = [linear_srgb_of_xyz(xyz), linear_rec2020_of_xyz(xyz)]
@@ -94,7 +94,7 @@ impl Dye {
     }
 
     /// By channel.
-    pub(super) fn at<const N: usize>(&self, lambda_um: [f32; N], channels: Channels) -> [f32; N] {
+    pub(crate) fn at<const N: usize>(&self, lambda_um: [f32; N], channels: Channels) -> [f32; N] {
         let rgb = |of: &[f32; 3]| std::array::from_fn(|k| of[k.min(2)]);
         match (self, channels) {
             (Dye::Even(sigma), _) => [*sigma; N],
@@ -105,7 +105,7 @@ impl Dye {
     }
 
     /// Of the three channels of linear sRGB, and at the nodes of a spectrum.
-    pub(super) fn numbers(&self) -> ([f32; 3], [f32; SPECTRUM_NODES]) {
+    pub(crate) fn numbers(&self) -> ([f32; 3], [f32; SPECTRUM_NODES]) {
         match self {
             Dye::Even(sigma) => ([*sigma; 3], [*sigma; SPECTRUM_NODES]),
             Dye::Spectrum(dye) => (dye.1[0], *dye.0.nodes_per_um()),
@@ -113,7 +113,7 @@ impl Dye {
     }
 
     /// Bytes beyond its own size.
-    pub(super) fn memory_bytes(&self) -> usize {
+    pub(crate) fn memory_bytes(&self) -> usize {
         match self {
             Dye::Even(_) => 0,
             Dye::Spectrum(dye) => size_of_val(dye.as_ref()),
@@ -125,16 +125,16 @@ impl Dye {
 ///
 /// # Errors
 /// Those of the model's spec.
-pub(super) fn own_color(model: &PlyModel) -> Result<Option<Reflections>> {
+pub(crate) fn own_color(model: &PlyModel) -> Result<Option<Reflections>> {
     Ok(YarnSpec::parse(&model.data().spec_text, "model (its spec)")?.fiber.reflections())
 }
 
 /// A color, and the model whose metal has it by itself.
-pub(super) type ColorOfModel = (YarnColor, Option<u32>);
+pub(crate) type ColorOfModel = (YarnColor, Option<u32>);
 
 /// The different colors of a fabric's yarns, undyed yarns of opaque fibers with their model, and by family
 /// which of them each yarn of one repeat has. `all` takes precedence over every color.
-pub(super) fn colors_of(
+pub(crate) fn colors_of(
     fabric: &Fabric,
     stripes: &[Vec<u32>; 2],
     metals: &[Option<Reflections>],
@@ -200,7 +200,7 @@ impl FabricModel {
     }
 
     /// The absorption of a color, or of a model's metal.
-    pub(super) fn dye_of(&self, (color, model): ColorOfModel) -> Dye {
+    pub(crate) fn dye_of(&self, (color, model): ColorOfModel) -> Dye {
         match model.and_then(|model| self.metals[model as usize].as_ref()) {
             Some(metal) => Dye::of_metal(metal, &self.curve),
             None => Dye::new(color, &self.curve),
@@ -209,7 +209,7 @@ impl FabricModel {
 }
 
 /// By family, each color of one repeat of its threads and its share of them.
-pub(super) fn shares_of(threads: &[Vec<u32>; 2]) -> [Vec<(u32, f32)>; 2] {
+pub(crate) fn shares_of(threads: &[Vec<u32>; 2]) -> [Vec<(u32, f32)>; 2] {
     [0, 1].map(|k| {
         let mut shares: Vec<(u32, f32)> = Vec::new();
         for color in &threads[k] {

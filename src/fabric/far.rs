@@ -13,8 +13,7 @@
 //! Energies are those of the means, in as far as the table's integrals are; tests/it/far.rs has both beside
 //! the mean of many places. The mean is as reciprocal as the fabric.
 
-use super::YarnSet;
-use super::between::BetweenAt;
+use super::between::{BetweenAt, CLASSES, CLASSES_A_KIND};
 use super::shadow::Toward;
 use crate::math::{clamp_unit, floor_fraction, parallel};
 use std::f32::consts::{FRAC_PI_2, PI, TAU};
@@ -23,28 +22,28 @@ use std::f32::consts::{FRAC_PI_2, PI, TAU};
 /// L some paths through a ply [um].
 /// They are close at 0, where light scattered many times falls as the root of the absorption (Kubelka and
 /// Munk).
-pub(super) const SIGMA_PER_UM: [f32; SIGMAS] = [0.0, 0.0006, 0.002, 0.005, 0.0115, 0.028, 0.085, 3.0];
-pub(super) const SIGMAS: usize = 8;
+pub(crate) const SIGMA_PER_UM: [f32; SIGMAS] = [0.0, 0.0006, 0.002, 0.005, 0.0115, 0.028, 0.085, 3.0];
+pub(crate) const SIGMAS: usize = 8;
 const LENGTH_UM: f32 = 150.0;
 /// Azimuths of the viewer over one side of the cloth [degrees], closer towards the plane.
-pub(super) const PHI_I_DEG: [f32; 15] =
+pub(crate) const PHI_I_DEG: [f32; 15] =
     [2.5, 8.0, 18.0, 30.0, 43.0, 56.0, 73.0, 90.0, 107.0, 124.0, 137.0, 150.0, 162.0, 172.0, 177.5];
 const SIDE: usize = PHI_I_DEG.len();
 /// Latitudes of the viewer [degrees].
-pub(super) const THETA_I_DEG: [f32; 11] = [-82.0, -66.0, -49.0, -33.0, -16.0, 0.0, 16.0, 33.0, 49.0, 66.0, 82.0];
+pub(crate) const THETA_I_DEG: [f32; 11] = [-82.0, -66.0, -49.0, -33.0, -16.0, 0.0, 16.0, 33.0, 49.0, 66.0, 82.0];
 const ROWS: usize = THETA_I_DEG.len();
 /// Directions to the viewer.
-pub(super) const VIEWS: usize = 2 * SIDE * ROWS;
+pub(crate) const VIEWS: usize = 2 * SIDE * ROWS;
 /// Azimuths of the light, evenly, and steps of its latitude to each side of the cone.
-pub(super) const COLUMNS: usize = 24;
+pub(crate) const COLUMNS: usize = 24;
 const STEPS: usize = 8;
-pub(super) const NODES: usize = 2 * STEPS + 1;
-pub(super) const CELLS: usize = COLUMNS * (NODES - 1);
+pub(crate) const NODES: usize = 2 * STEPS + 1;
+pub(crate) const CELLS: usize = COLUMNS * (NODES - 1);
 /// Places of the repeat at which a view is looked at, and the Fibonacci number before it.
 const PLACES: usize = 233;
 const LATTICE: usize = 144;
 /// Apertures that stand for those of the repeat.
-pub(super) const APERTURES: usize = 3;
+pub(crate) const APERTURES: usize = 3;
 /// Share of the samples of plies' light that is even over the sphere.
 const EVEN: f32 = 0.02;
 
@@ -68,17 +67,17 @@ fn sigma_weights(sigma: f32) -> [f32; SIGMAS] {
 
 /// Absorptions of a family whose yarns have several colors.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Mixed<const N: usize> {
+pub(crate) struct Mixed<const N: usize> {
     weights: [[f32; SIGMAS]; N],
     /// Mean of `1 / (1 + sigma L)`.
     mean: [f32; N],
 }
 
 impl<const N: usize> Mixed<N> {
-    pub(super) const NONE: Mixed<N> = Mixed { weights: [[0.0; SIGMAS]; N], mean: [0.0; N] };
+    pub(crate) const NONE: Mixed<N> = Mixed { weights: [[0.0; SIGMAS]; N], mean: [0.0; N] };
 
     /// With a color that this share of the yarns has.
-    pub(super) fn add(&mut self, share: f32, sigma_per_um: [f32; N]) {
+    pub(crate) fn add(&mut self, share: f32, sigma_per_um: [f32; N]) {
         for k in 0..N {
             let weights = sigma_weights(sigma_per_um[k]);
             (0..SIGMAS).for_each(|s| self.weights[k][s] += share * weights[s]);
@@ -87,27 +86,37 @@ impl<const N: usize> Mixed<N> {
     }
 
     /// One absorption that stands for all [1/um].
-    pub(super) fn sigma(&self) -> [f32; N] {
+    pub(crate) fn sigma(&self) -> [f32; N] {
         self.mean.map(|v| (1.0 / v.max(1e-9) - 1.0).max(0.0) / LENGTH_UM)
     }
 }
 
+/// The axis of the cloth along which yarns of a kind run.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Runs {
+    AlongX,
+    AlongY,
+}
+
+/// Of warp and weft.
+pub(crate) const WOVEN: [Runs; 2] = [Runs::AlongY, Runs::AlongX];
+
 /// theta and phi of a direction about a family's yarns.
-fn angles(family: YarnSet, w: [f32; 3]) -> (f32, f32) {
-    let (along, across) = match family {
-        YarnSet::Warp => (w[1], w[0]),
-        YarnSet::Weft => (w[0], w[1]),
+fn angles(runs: Runs, w: [f32; 3]) -> (f32, f32) {
+    let (along, across) = match runs {
+        Runs::AlongY => (w[1], w[0]),
+        Runs::AlongX => (w[0], w[1]),
     };
     (along.clamp(-1.0, 1.0).asin(), w[2].atan2(across))
 }
 
 /// The inverse of [`angles`].
-fn direction(family: YarnSet, theta: f32, phi: f32) -> [f32; 3] {
+fn direction(runs: Runs, theta: f32, phi: f32) -> [f32; 3] {
     let (along, cos) = theta.sin_cos();
     let (up, across) = (cos * phi.sin(), cos * phi.cos());
-    match family {
-        YarnSet::Warp => [across, along, up],
-        YarnSet::Weft => [along, across, up],
+    match runs {
+        Runs::AlongY => [across, along, up],
+        Runs::AlongX => [along, across, up],
     }
 }
 
@@ -135,8 +144,8 @@ fn between_nodes(axis: &[f32], x: f32) -> (usize, f32) {
 }
 
 /// The four views around one, and their shares.
-fn views(family: YarnSet, wo: [f32; 3]) -> ([usize; 4], [f32; 4], f32) {
-    let (theta, phi) = angles(family, wo);
+fn views(runs: Runs, wo: [f32; 3]) -> ([usize; 4], [f32; 4], f32) {
+    let (theta, phi) = angles(runs, wo);
     let (i, s) = between_nodes(&PHI_I_DEG, phi.abs().to_degrees());
     let (m, t) = between_nodes(&THETA_I_DEG, theta.to_degrees());
     let first = if phi < 0.0 { SIDE } else { 0 };
@@ -146,28 +155,31 @@ fn views(family: YarnSet, wo: [f32; 3]) -> ([usize; 4], [f32; 4], f32) {
 }
 
 /// Direction of a view.
-fn view(family: YarnSet, view: usize) -> [f32; 3] {
+fn view(runs: Runs, view: usize) -> [f32; 3] {
     let (azimuth, row) = (view / ROWS, view % ROWS);
     let phi = PHI_I_DEG[azimuth % SIDE].to_radians();
-    direction(family, THETA_I_DEG[row].to_radians(), if azimuth < SIDE { phi } else { -phi })
+    direction(runs, THETA_I_DEG[row].to_radians(), if azimuth < SIDE { phi } else { -phi })
 }
 
 /// What a view sees at one place.
-pub(super) struct Seen {
+pub(crate) struct Seen {
     /// `[direction][node of absorption]`: f of the plies of the family.
     pub f: Vec<[f32; SIGMAS]>,
-    /// `[one layer, two layers][node]`: energies that its first plies scatter.
-    pub first: [[f32; SIGMAS]; 2],
+    /// `[class of the kind][node]`: energies that its first plies scatter.
+    pub first: [[f32; SIGMAS]; CLASSES_A_KIND],
     /// Energy that passes all plies, and the aperture that it passes, in a gap.
     pub passing: f32,
     pub aperture: Option<[u16; 2]>,
 }
 
 /// A cloth as the table needs it.
-pub(super) trait Places: Sync {
-    /// What is seen of the plies of `family` from `wo` at a place of the repeat, by fractions of it, towards
+pub(crate) trait Places: Sync {
+    /// Number of kinds of yarns, 1 or 2, and the axes along which they run.
+    fn kinds(&self) -> (usize, [Runs; 2]);
+
+    /// What is seen of the plies of a kind from `wo` at a place of the repeat, by fractions of it, towards
     /// `lights`. `turn`, 0 to 1, says which repeat, as plies turn.
-    fn seen(&self, family: YarnSet, place: [f64; 2], turn: f64, wo: [f32; 3], lights: &[Toward]) -> Seen;
+    fn seen(&self, kind: usize, place: [f64; 2], turn: f64, wo: [f32; 3], lights: &[Toward]) -> Seen;
 }
 
 /// Of one family.
@@ -179,14 +191,15 @@ struct Plies {
     chances: Vec<f32>,
     /// `[view][SIGMAS]`: integral of f.
     energy: Vec<[f32; SIGMAS]>,
-    /// `[view][one layer, two layers][SIGMAS]`.
-    first: Vec<[[f32; SIGMAS]; 2]>,
+    /// `[view][class of the kind][SIGMAS]`.
+    first: Vec<[[f32; SIGMAS]; CLASSES_A_KIND]>,
 }
 
 /// The mean of a fabric.
 #[derive(Clone, Debug)]
-pub(super) struct Far {
+pub(crate) struct Far {
     families: [Plies; 2],
+    runs: [Runs; 2],
     /// `[view about the warp]`: energy that passes, and apertures for it, with how many there are.
     passing: Vec<f32>,
     apertures: Vec<([[u16; 2]; APERTURES], usize)>,
@@ -195,30 +208,35 @@ pub(super) struct Far {
 /// One view of one family.
 struct View {
     f: Vec<[f32; SIGMAS]>,
-    first: [[f32; SIGMAS]; 2],
+    first: [[f32; SIGMAS]; CLASSES_A_KIND],
     passing: f32,
     apertures: Vec<[u16; 2]>,
 }
 
-fn look(places: &impl Places, family: YarnSet, number: usize) -> View {
-    let wo = view(family, number);
-    let theta_i = angles(family, wo).0;
+fn look(places: &impl Places, kind: usize, number: usize) -> View {
+    let runs = places.kinds().1[kind];
+    let wo = view(runs, number);
+    let theta_i = angles(runs, wo).0;
     let lights: Vec<Toward> = (0..COLUMNS * NODES)
         .map(|i| {
             let theta = theta_of(theta_i, (i % NODES) as f32).clamp(-1.55, 1.55);
             // Not in the plane itself, where f ends.
             let phi = TAU * ((i / NODES) as f32 + 1e-3) / COLUMNS as f32;
-            Toward::new(direction(family, theta, phi))
+            Toward::new(direction(runs, theta, phi))
         })
         .collect();
-    let mut seen =
-        View { f: vec![[0.0; SIGMAS]; lights.len()], first: [[0.0; SIGMAS]; 2], passing: 0.0, apertures: Vec::new() };
+    let mut seen = View {
+        f: vec![[0.0; SIGMAS]; lights.len()],
+        first: [[0.0; SIGMAS]; CLASSES_A_KIND],
+        passing: 0.0,
+        apertures: Vec::new(),
+    };
     let per = 1.0 / PLACES as f32;
     for k in 0..PLACES {
         // Fibonacci's lattice, shifted from view to view.
         let even = |step: f64, shift: f64| (k as f64 * step + number as f64 * shift).fract();
         let place = [even(1.0 / PLACES as f64, 0.618_034), even(LATTICE as f64 / PLACES as f64, 0.414_214)];
-        let at = places.seen(family, place, even(0.414_214, 0.732_051), wo, &lights);
+        let at = places.seen(kind, place, even(0.414_214, 0.732_051), wo, &lights);
         for (sum, f) in seen.f.iter_mut().zip(&at.f) {
             (0..SIGMAS).for_each(|s| sum[s] += per * f[s]);
         }
@@ -237,20 +255,73 @@ fn solid_angle(theta_i: f32, q: usize) -> f32 {
     (high - low) * TAU / COLUMNS as f32
 }
 
+/// The tables of a mean, from which the rest follows.
+#[derive(Clone, Debug)]
+pub(crate) struct FarData {
+    pub runs: [Runs; 2],
+    /// `[kind][view][column][q][SIGMAS]`.
+    pub f: Vec<[f32; SIGMAS]>,
+    /// `[kind][view][class of the kind][SIGMAS]`.
+    pub first: Vec<[[f32; SIGMAS]; CLASSES_A_KIND]>,
+    /// `[view]` of the first kind.
+    pub passing: Vec<f32>,
+    /// None of a cloth that has no apertures.
+    pub apertures: Vec<([[u16; 2]; APERTURES], usize)>,
+}
+
+impl FarData {
+    /// The mean over the places of a cloth.
+    pub(crate) fn new(places: &impl Places) -> FarData {
+        let (kinds, runs) = places.kinds();
+        let seen = parallel::map(kinds * VIEWS, |i| look(places, i / VIEWS, i % VIEWS));
+        let apertures = |view: &View| {
+            // By area, from the parts of which each has as many.
+            let mut all = view.apertures.clone();
+            all.sort_by_key(|[x, y]| u32::from(*x) * u32::from(*y));
+            let count = all.len().min(APERTURES);
+            (
+                std::array::from_fn(|i| if i < count { all[(2 * i + 1) * all.len() / (2 * count)] } else { [0; 2] }),
+                count,
+            )
+        };
+        FarData {
+            runs,
+            f: seen.iter().flat_map(|view| view.f.iter().copied()).collect(),
+            first: seen.iter().map(|view| view.first).collect(),
+            passing: seen[..VIEWS].iter().map(|view| view.passing).collect(),
+            apertures: seen[..VIEWS].iter().map(apertures).collect(),
+        }
+    }
+
+    /// Of the tables in a file, which has no apertures.
+    pub(crate) fn of(
+        runs: [Runs; 2],
+        f: Vec<[f32; SIGMAS]>,
+        first: Vec<[[f32; SIGMAS]; CLASSES_A_KIND]>,
+        passing: Vec<f32>,
+    ) -> FarData {
+        FarData { runs, f, first, passing, apertures: vec![([[0; 2]; APERTURES], 0); VIEWS] }
+    }
+}
+
 impl Far {
-    pub(super) fn new(places: &impl Places) -> Far {
-        let seen = parallel::map(2 * VIEWS, |i| look(places, YarnSet::EACH[i / VIEWS], i % VIEWS));
+    pub(crate) fn new(places: &impl Places) -> Far {
+        Far::of(FarData::new(places))
+    }
+
+    /// Of its tables.
+    pub(crate) fn of(data: FarData) -> Far {
         let family = |k: usize| {
-            let seen = &seen[k * VIEWS..(k + 1) * VIEWS];
+            let f = data.f.chunks_exact(VIEWS * COLUMNS * NODES).nth(k).unwrap_or_default();
             let (mut chances, mut energy) = (Vec::new(), Vec::new());
-            for (number, view) in seen.iter().enumerate() {
+            for (number, view) in f.chunks_exact(COLUMNS * NODES).enumerate() {
                 let theta_i = THETA_I_DEG[number % ROWS].to_radians();
                 let mut cells = Vec::with_capacity(CELLS);
                 let mut whole = [0.0; SIGMAS];
                 for cell in 0..CELLS {
                     let (column, q) = (cell / (NODES - 1), cell % (NODES - 1));
                     let omega = solid_angle(theta_i, q);
-                    let at = |column: usize, q: usize| &view.f[column % COLUMNS * NODES + q];
+                    let at = |column: usize, q: usize| &view[column % COLUMNS * NODES + q];
                     let corners = [at(column, q), at(column, q + 1), at(column + 1, q), at(column + 1, q + 1)];
                     let mean: [f32; SIGMAS] =
                         std::array::from_fn(|s| 0.25 * omega * corners.iter().map(|f| f[s]).sum::<f32>());
@@ -267,33 +338,15 @@ impl Far {
                 }
                 energy.push(whole);
             }
-            Plies {
-                f: seen.iter().flat_map(|view| view.f.iter().copied()).collect(),
-                chances,
-                energy,
-                first: seen.iter().map(|view| view.first).collect(),
-            }
+            let first = data.first.chunks_exact(VIEWS).nth(k).unwrap_or_default().to_vec();
+            Plies { f: f.to_vec(), chances, energy, first }
         };
         let families = [family(0), family(1)];
-        let warp = &seen[..VIEWS];
-        let apertures = |view: &View| {
-            // By area, from the parts of which each has as many.
-            let mut all = view.apertures.clone();
-            all.sort_by_key(|[x, y]| u32::from(*x) * u32::from(*y));
-            let count = all.len().min(APERTURES);
-            (
-                std::array::from_fn(|i| if i < count { all[(2 * i + 1) * all.len() / (2 * count)] } else { [0; 2] }),
-                count,
-            )
-        };
-        Far {
-            families,
-            passing: warp.iter().map(|view| view.passing).collect(),
-            apertures: warp.iter().map(apertures).collect(),
-        }
+        let FarData { runs, passing, apertures, .. } = data;
+        Far { families, runs, passing, apertures }
     }
 
-    pub(super) fn memory_bytes(&self) -> usize {
+    pub(crate) fn memory_bytes(&self) -> usize {
         let plies = |p: &Plies| {
             size_of_val(p.f.as_slice())
                 + size_of_val(p.chances.as_slice())
@@ -307,7 +360,7 @@ impl Far {
 
     /// Its tables, as src/fabric/tensors.rs has them: f, chances, energies and first energies of both
     /// families, what passes, apertures.
-    pub(super) fn numbers(&self) -> ([Vec<f32>; 5], Vec<u32>) {
+    pub(crate) fn numbers(&self) -> ([Vec<f32>; 5], Vec<u32>) {
         let of = |numbers: &dyn Fn(&Plies) -> Vec<f32>| self.families.iter().flat_map(numbers).collect::<Vec<f32>>();
         let apertures = self.apertures.iter().flat_map(|(apertures, count)| {
             [*count as u32].into_iter().chain(apertures.as_flattened().iter().map(|node| u32::from(*node)))
@@ -316,25 +369,29 @@ impl Far {
             of(&|p| p.f.as_flattened().to_vec()),
             of(&|p| p.chances.clone()),
             of(&|p| p.energy.as_flattened().to_vec()),
-            of(&|p| p.first.as_flattened().as_flattened().to_vec()),
+            of(&|p| p.first.iter().flat_map(|of| of[..2].as_flattened().to_vec()).collect()),
             self.passing.clone(),
         ];
         (tables, apertures.collect())
     }
 
     /// Seen from `wo`, for the absorptions of warp and weft.
-    pub(super) fn at<const N: usize>(&self, wo: [f32; 3], dyes: [&Mixed<N>; 2]) -> PliesAt<'_, N> {
+    pub(crate) fn at<const N: usize>(&self, wo: [f32; 3], dyes: [&Mixed<N>; 2]) -> PliesAt<'_, N> {
         let sigma = dyes.map(|dye| dye.weights);
-        let around = YarnSet::EACH.map(|family| views(family, wo));
-        let mut at = PliesAt { far: self, around, sigma, energy: [[0.0; N]; 2], first: [[0.0; N]; 4], dark: [0.0; 2] };
+        let around = self.runs.map(|runs| views(runs, wo));
+        let mut at =
+            PliesAt { far: self, around, sigma, energy: [[0.0; N]; 2], first: [[0.0; N]; CLASSES], dark: [0.0; 2] };
         for k in 0..2 {
             let (views, shares, _) = around[k];
             let plies = &self.families[k];
+            if plies.f.is_empty() {
+                continue;
+            }
             for (view, share) in views.into_iter().zip(shares) {
                 for n in 0..N {
                     at.energy[k][n] += share * dot(&plies.energy[view], &sigma[k][n]);
-                    for layers in 0..2 {
-                        at.first[2 * k + layers][n] += share * dot(&plies.first[view][layers], &sigma[k][n]);
+                    for class in 0..CLASSES_A_KIND {
+                        at.first[CLASSES_A_KIND * k + class][n] += share * dot(&plies.first[view][class], &sigma[k][n]);
                     }
                 }
             }
@@ -354,8 +411,8 @@ impl Far {
     }
 
     /// Energy that passes from `wo`, and the apertures that it passes.
-    pub(super) fn passing(&self, wo: [f32; 3]) -> (f32, &[[u16; 2]]) {
-        let (views, shares, _) = views(YarnSet::Warp, wo);
+    pub(crate) fn passing(&self, wo: [f32; 3]) -> (f32, &[[u16; 2]]) {
+        let (views, shares, _) = views(self.runs[0], wo);
         let passing = views.iter().zip(shares).map(|(view, share)| share * self.passing[*view]).sum();
         let nearest = (0..4).max_by(|a, b| shares[*a].total_cmp(&shares[*b])).map_or(0, |i| views[i]);
         let (apertures, count) = &self.apertures[nearest];
@@ -369,7 +426,7 @@ fn dot(a: &[f32; SIGMAS], b: &[f32; SIGMAS]) -> f32 {
 
 /// The plies' mean light seen from one direction.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct PliesAt<'a, const N: usize> {
+pub(crate) struct PliesAt<'a, const N: usize> {
     far: &'a Far,
     /// By family, views around, their shares, theta_i.
     around: [([usize; 4], [f32; 4], f32); 2],
@@ -378,18 +435,21 @@ pub(super) struct PliesAt<'a, const N: usize> {
     /// `[family]`: energy that leaves the cloth straight from its plies.
     pub energy: [[f32; N]; 2],
     /// `[class]`: energies that first plies scatter.
-    pub first: [[f32; N]; 4],
+    pub first: [[f32; N]; CLASSES],
     /// `[family]`: share of the samples that is drawn as for dark fibers.
     dark: [f32; 2],
 }
 
 impl<const N: usize> PliesAt<'_, N> {
     /// Adds f in a direction, and the density of a family's samples times its chance.
-    pub(super) fn add(&self, b: [f32; 3], chances: [f32; 2], f: &mut [f32; N], pdf: &mut f32) {
-        for (k, family) in YarnSet::EACH.into_iter().enumerate() {
+    pub(crate) fn add(&self, b: [f32; 3], chances: [f32; 2], f: &mut [f32; N], pdf: &mut f32) {
+        for k in 0..2 {
             let (views, shares, theta_i) = self.around[k];
             let plies = &self.far.families[k];
-            let (theta, phi) = angles(family, b);
+            if plies.f.is_empty() {
+                continue;
+            }
+            let (theta, phi) = angles(self.far.runs[k], b);
             let q = q_of(theta_i, theta).clamp(0.0, (NODES - 1) as f32);
             // A turn is not added to the angle: its digits would be lost, and f falls by a factor of some
             // tens from a column to the next.
@@ -428,7 +488,7 @@ impl<const N: usize> PliesAt<'_, N> {
     }
 
     /// A direction of a family's light.
-    pub(super) fn draw(&self, k: usize, u: [f32; 3]) -> [f32; 3] {
+    pub(crate) fn draw(&self, k: usize, u: [f32; 3]) -> [f32; 3] {
         let (views, shares, theta_i) = self.around[k];
         let (mut u0, mut view) = (u[0], views[3]);
         for (v, share) in views.into_iter().zip(shares) {
@@ -447,13 +507,13 @@ impl<const N: usize> PliesAt<'_, N> {
         let (column, row) = (cell / (NODES - 1), cell % (NODES - 1));
         let [a, b] = [row, row + 1].map(|q| theta_of(theta_i, q as f32).sin());
         let sine = a + (b - a) * u[2];
-        direction(YarnSet::EACH[k], sine.clamp(-1.0, 1.0).asin(), TAU * (column as f32 + across) / COLUMNS as f32)
+        direction(self.far.runs[k], sine.clamp(-1.0, 1.0).asin(), TAU * (column as f32 + across) / COLUMNS as f32)
     }
 }
 
 /// The mean of a fabric at a query, and its share of the answer.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct FarAt<'a, const N: usize> {
+pub(crate) struct FarAt<'a, const N: usize> {
     pub plies: PliesAt<'a, N>,
     pub between: BetweenAt<N>,
     /// Energy that passes all plies, and the apertures that diffract it; straight on without.
@@ -465,7 +525,7 @@ pub(super) struct FarAt<'a, const N: usize> {
 }
 
 impl<'a, const N: usize> FarAt<'a, N> {
-    pub(super) fn new(
+    pub(crate) fn new(
         plies: PliesAt<'a, N>,
         between: BetweenAt<N>,
         passing: f32,
@@ -485,15 +545,15 @@ impl<'a, const N: usize> FarAt<'a, N> {
     }
 
     /// Chance of a direction.
-    pub(super) fn scattered(&self) -> f32 {
+    pub(crate) fn scattered(&self) -> f32 {
         self.chances.iter().sum::<f32>().min(1.0)
     }
 
-    pub(super) fn straight(&self) -> f32 {
+    pub(crate) fn straight(&self) -> f32 {
         if self.is_diffracted() { 0.0 } else { self.passing }
     }
 
-    pub(super) fn albedo(&self, k: usize) -> f32 {
+    pub(crate) fn albedo(&self, k: usize) -> f32 {
         let diffracted = if self.is_diffracted() { self.passing } else { 0.0 };
         self.plies.energy[0][k]
             + self.plies.energy[1][k]
@@ -502,7 +562,7 @@ impl<'a, const N: usize> FarAt<'a, N> {
             + diffracted
     }
 
-    pub(super) fn add(&self, b: [f32; 3], share: f32, f: &mut [f32; N], pdf: &mut f32) {
+    pub(crate) fn add(&self, b: [f32; 3], share: f32, f: &mut [f32; N], pdf: &mut f32) {
         let (mut own, mut density) = (self.between.eval(b), 0.0);
         density += self.chances[if self.between.is_up(b) { 2 } else { 3 }] * b[2].abs().min(1.0) / PI;
         self.plies.add(b, [self.chances[0], self.chances[1]], &mut own, &mut density);
@@ -517,7 +577,7 @@ impl<'a, const N: usize> FarAt<'a, N> {
     }
 
     /// A direction; none where light goes straight on.
-    pub(super) fn draw(&self, u: [f32; 3]) -> Option<[f32; 3]> {
+    pub(crate) fn draw(&self, u: [f32; 3]) -> Option<[f32; 3]> {
         let mut remaining = u[0];
         for (i, chance) in self.chances.into_iter().enumerate() {
             if remaining >= chance {
@@ -551,7 +611,7 @@ mod tests {
 
     #[test]
     fn angles_and_nodes_are_inverted() {
-        for (i, family) in YarnSet::EACH.into_iter().enumerate() {
+        for (i, family) in WOVEN.into_iter().enumerate() {
             for k in 0..200 {
                 let (theta, phi) = (1.5 * (0.37 * k as f32 + i as f32).sin(), 3.1 * (0.71 * k as f32).cos());
                 let (t, p) = angles(family, direction(family, theta, phi));
@@ -564,7 +624,7 @@ mod tests {
 
     #[test]
     fn views_are_found_at_their_nodes() {
-        for family in YarnSet::EACH {
+        for family in WOVEN {
             for number in 0..VIEWS {
                 let (views, shares, _) = views(family, view(family, number));
                 let share: f32 = views.iter().zip(shares).filter(|(v, _)| **v == number).map(|(_, s)| s).sum();

@@ -1,9 +1,9 @@
 //! The mean over the repeat at a query, and what its table sees of a fabric at a place.
 
-use super::YarnSet;
 use super::at::GapLight;
+use super::between::CLASSES;
 use super::bsdf::{FabricModel, FabricQuery};
-use super::far::{self, FarAt, Mixed, Places, Seen};
+use super::far::{self, FarAt, Mixed, Places, Runs, Seen};
 use super::shadow::Toward;
 
 impl FabricModel {
@@ -32,7 +32,7 @@ impl FabricModel {
             }
         }
         let plies = far.at(wo, [&sigma[0], &sigma[1]]);
-        let firsts: [(usize, [f32; N]); 4] = std::array::from_fn(|class| (class, plies.first[class]));
+        let firsts: [(usize, [f32; N]); CLASSES] = std::array::from_fn(|class| (class, plies.first[class]));
         let between = self.between.at(wo, &firsts, sigma.map(|s| s.sigma()), self.sent());
         let (passing, apertures) = far.passing(wo);
         let mut gaps = [None; far::APERTURES];
@@ -46,7 +46,11 @@ impl FabricModel {
 }
 
 impl Places for FabricModel {
-    fn seen(&self, family: YarnSet, place: [f64; 2], turn: f64, wo: [f32; 3], lights: &[Toward]) -> Seen {
+    fn kinds(&self) -> (usize, [Runs; 2]) {
+        (2, far::WOVEN)
+    }
+
+    fn seen(&self, kind: usize, place: [f64; 2], turn: f64, wo: [f32; 3], lights: &[Toward]) -> Seen {
         let at = [0, 1].map(|k| {
             let repeat = self.fabric.repeat_um()[k];
             ((place[k] + (turn * (1.0 + 20_000.0 / repeat)).floor()) * repeat) as f32
@@ -54,7 +58,7 @@ impl Places for FabricModel {
         let query =
             FabricQuery { sigma_per_um: [Some(far::SIGMA_PER_UM); 2], ..FabricQuery::new(at, wo, [0.55; far::SIGMAS]) };
         let at = self.at(&query);
-        let (f, first) = at.of_family(family, lights);
+        let (f, first) = at.of_kind(kind, lights);
         Seen { f, first, passing: at.passing, aperture: at.aperture }
     }
 }

@@ -45,7 +45,7 @@ const MARGIN_UM: f32 = 1.0;
 
 /// A yarn of a fabric.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct YarnId {
+pub(crate) struct YarnId {
     pub family: YarnSet,
     pub yarn: i32,
 }
@@ -70,7 +70,7 @@ pub(super) enum Skip {
 
 /// A ply within whose reach, R + d_cut, a line comes.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Candidate {
+pub(crate) struct Candidate {
     pub hit: PlyHit,
     /// Whether the line meets the ply itself, |h| < R.
     pub is_hit: bool,
@@ -150,7 +150,7 @@ impl Around {
 
 /// Where light in direction `b` leaves the tube of this radius about the axis through `center` along `z`
 /// (unit), from a point `p` in it. Along the tube at most ten radii further.
-pub(super) fn exit(center: [f32; 3], z: [f32; 3], radius: f32, p: [f32; 3], b: [f32; 3]) -> [f32; 3] {
+pub(crate) fn exit(center: [f32; 3], z: [f32; 3], radius: f32, p: [f32; 3], b: [f32; 3]) -> [f32; 3] {
     let q: [f32; 3] = std::array::from_fn(|i| p[i] - center[i]);
     let (qz, bz) = (dot(q, z), dot(b, z));
     let across: [f32; 3] = std::array::from_fn(|i| q[i] - qz * z[i]);

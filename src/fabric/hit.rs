@@ -160,7 +160,7 @@ pub(super) fn axes(family: YarnSet, slope: f32) -> [[f32; 3]; 3] {
 }
 
 /// Plies beside the first that a line meets, of which a query keeps the light.
-pub(super) const MAX_NEAR: usize = 4;
+pub(crate) const MAX_NEAR: usize = 4;
 
 impl Gap {
     /// Without a ply near it.
@@ -184,12 +184,12 @@ impl Gap {
 }
 
 /// A point of the plane. Not a number counts as 0, as far does.
-pub(super) fn position(x_um: f32, y_um: f32) -> [f32; 2] {
+pub(crate) fn position(x_um: f32, y_um: f32) -> [f32; 2] {
     [x_um, y_um].map(|p| if p.abs() <= FAR_UM { p } else { 0.0 })
 }
 
 /// A direction as it came, made unit; what is none counts as the face's normal.
-pub(super) fn unit(w: [f32; 3]) -> [f32; 3] {
+pub(crate) fn unit(w: [f32; 3]) -> [f32; 3] {
     let squared = w[0] * w[0] + w[1] * w[1] + w[2] * w[2];
     if (squared - 1.0).abs() < 1e-5 {
         return w;

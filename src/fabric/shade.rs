@@ -5,13 +5,38 @@ use super::Fabric;
 use super::flight::Candidate;
 use super::shadow::{self, OfYarn, Shadows, ShadowsAt, Toward};
 use crate::PlyModel;
+use crate::cloth::ClothShade;
 use crate::math::simd::atan2;
 use crate::math::vec3::{cross, dot};
 use crate::ply::{EXIT_KINDS, ExitDensity, ExitLine, PassedLines};
 
+/// What a ply's neighbors leave of its light.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum Shade<'a> {
+    /// In a fabric of yarns.
+    Yarns(Occlusion<'a>),
+    /// In a cloth of curves.
+    Curves(ClothShade<'a>),
+}
+
+impl Shade<'_> {
+    #[inline]
+    pub(crate) fn free(&self, b: [f32; 3], lines: [ExitLine; EXIT_KINDS]) -> [f32; EXIT_KINDS] {
+        self.toward(&Toward::new(b), lines)
+    }
+
+    #[inline]
+    pub(crate) fn toward(&self, toward: &Toward, lines: [ExitLine; EXIT_KINDS]) -> [f32; EXIT_KINDS] {
+        match self {
+            Shade::Yarns(shade) => shade.toward(toward, lines),
+            Shade::Curves(shade) => shade.toward(toward, lines),
+        }
+    }
+}
+
 /// Neighbors of a ply: which of them count, and the place.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Occlusion<'a> {
+pub(crate) struct Occlusion<'a> {
     /// Of the half the light comes from, and of the other.
     counts: [bool; 2],
     /// Sign of z of the half the light comes from.
@@ -40,7 +65,7 @@ const MIN_SHARE: f32 = 2e-3;
 impl<'a> Occlusion<'a> {
     /// Of a ply that a line from direction `a` comes near; `counts` are the halves, up first, in which
     /// shadows count.
-    pub(super) fn new(
+    pub(crate) fn new(
         (fabric, shadows, model): (&'a Fabric, &'a Shadows, &'a PlyModel),
         near: &Candidate,
         a: [f32; 3],
@@ -68,16 +93,10 @@ impl<'a> Occlusion<'a> {
         self.shadows.at(self.fabric, self.along_um + s * self.per_radius_um)
     }
 
-    /// Shares of single reflection, of other light of clear fibers and of that of dark ones that get out in
-    /// direction `b`, of light that leaves on these lines.
+    /// Shares of single reflection, of other light of clear fibers and of that of dark ones that get out in a
+    /// direction whose place in the table is known, of light that leaves on these lines.
     #[inline]
-    pub(super) fn free(&self, b: [f32; 3], lines: [ExitLine; EXIT_KINDS]) -> [f32; EXIT_KINDS] {
-        self.toward(&Toward::new(b), lines)
-    }
-
-    /// [`Occlusion::free`] in a direction whose place in the table is known.
-    #[inline]
-    pub(super) fn toward(&self, toward: &Toward, [refl, clear, dark]: [ExitLine; EXIT_KINDS]) -> [f32; EXIT_KINDS] {
+    pub(crate) fn toward(&self, toward: &Toward, [refl, clear, dark]: [ExitLine; EXIT_KINDS]) -> [f32; EXIT_KINDS] {
         let b = toward.b;
         if !self.counts[usize::from(b[2] * self.up_sign < 0.0)] {
             return [1.0; EXIT_KINDS];

@@ -24,17 +24,17 @@ const PLACES: [usize; 2] = [4, 8];
 const MAX_PLACES: usize = PLACES[1];
 /// Bands of directions in each half of the sphere, rows of the table: the bands' and the pole's, and columns
 /// about the normal.
-const BANDS: usize = 8;
-pub(super) const ROWS: usize = BANDS + 1;
-pub(super) const COLUMNS: usize = 16;
+pub(crate) const BANDS: usize = 8;
+pub(crate) const ROWS: usize = BANDS + 1;
+pub(crate) const COLUMNS: usize = 16;
 /// Offsets across a yarn.
-const OFFSETS: usize = 7;
+pub(crate) const OFFSETS: usize = 7;
 /// Numbers of a direction: the offsets, and zeros up to a word.
-pub(super) const LANES: usize = 8;
+pub(crate) const LANES: usize = 8;
 /// Greatest entry: 255 stands for it.
-const MAX_SHARE: f32 = 1.35;
+pub(crate) const MAX_SHARE: f32 = 1.35;
 /// The entry of light that all gets out.
-const ALL_FREE: u8 = (255.0 / MAX_SHARE + 0.5) as u8;
+pub(crate) const ALL_FREE: u8 = (255.0 / MAX_SHARE + 0.5) as u8;
 /// Lines of an entry of all places together, and least and most of one place: where places are few, chance
 /// does not average out over them.
 const LINES: usize = 1024;
@@ -50,15 +50,15 @@ const LOOKED_AT: usize = 1 << 18;
 
 /// The table of a fabric.
 #[derive(Clone, Debug)]
-pub(super) struct Shadows {
+pub(crate) struct Shadows {
     /// `[place][row][column][LANES]`, 255 for [`MAX_SHARE`].
-    pub(super) free: Vec<u8>,
+    pub(crate) free: Vec<u8>,
     /// For patterns: of `[family][place][pattern]` the index of its row; empty where every place has its own.
-    pub(super) patterns: Vec<u32>,
+    pub(crate) patterns: Vec<u32>,
 }
 
 /// What a ply model says of the light that passes beside its fibers.
-pub(super) trait Passing {
+pub(crate) trait Passing {
     /// Fraction of a beam that passes a ply.
     fn r_d(&self, family: YarnSet, yarn: i32, theta_i: f32, h_um: f32) -> f32;
 }
@@ -70,7 +70,7 @@ fn places(yarn: &Yarn) -> usize {
 
 /// Bands of directions: z of band r + 1/2 of a half is that to this power of the band's place in the half.
 /// Shadows change most towards the plane.
-fn z_of(band: f32) -> f32 {
+pub(crate) fn z_of(band: f32) -> f32 {
     let t = band / BANDS as f32;
     t * t.sqrt()
 }
@@ -90,7 +90,7 @@ fn band_of(z: f32) -> f32 {
 /// z^(2/3), z from 0 to 1, to 0.01: two steps of Newton's for the cube root of the root, from a line that is
 /// near it.
 #[inline]
-pub(super) fn two_thirds(z: f32) -> f32 {
+pub(crate) fn two_thirds(z: f32) -> f32 {
     let root = z.sqrt();
     let mut c = 0.4 + 0.6 * root;
     for _ in 0..2 {
@@ -101,7 +101,7 @@ pub(super) fn two_thirds(z: f32) -> f32 {
 
 impl Shadows {
     /// Of a fabric, by lines followed through it.
-    pub(super) fn new(fabric: &Fabric, passing: &(impl Passing + Sync)) -> Shadows {
+    pub(crate) fn new(fabric: &Fabric, passing: &(impl Passing + Sync)) -> Shadows {
         let (ends, picks) = (fabric.draft.ends(), fabric.draft.picks());
         let mut shadows = Shadows { free: Vec::new(), patterns: Vec::new() };
         // Yarn set, yarn and place of each row.
@@ -155,13 +155,13 @@ impl Shadows {
         shadows
     }
 
-    pub(super) fn memory_bytes(&self) -> usize {
+    pub(crate) fn memory_bytes(&self) -> usize {
         self.free.len() + size_of_val(self.patterns.as_slice())
     }
 
     /// The rows of a yarn.
     #[inline]
-    pub(super) fn of(&self, fabric: &Fabric, family: YarnSet, yarn: i32) -> OfYarn<'_> {
+    pub(crate) fn of(&self, fabric: &Fabric, family: YarnSet, yarn: i32) -> OfYarn<'_> {
         let [own, other] = [family, family.other()].map(|f| fabric.draft.threads(f));
         let [of_warp, of_own] = [YarnSet::Warp, family].map(|f| places(&fabric.yarns[f as usize]));
         let first = if family == YarnSet::Warp { 0 } else { of_warp * own * other };
@@ -180,9 +180,9 @@ impl Shadows {
 
 /// The rows of a yarn.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct OfYarn<'a> {
+pub(crate) struct OfYarn<'a> {
     shadows: &'a Shadows,
-    pub(super) family: YarnSet,
+    pub(crate) family: YarnSet,
     yarn: i32,
     per_um: f32,
     /// Where every place has rows of its own: the first row, and how many there are.
@@ -195,7 +195,7 @@ pub(super) struct OfYarn<'a> {
 impl<'a> OfYarn<'a> {
     /// The shadows about a place of the yarn [um along it].
     #[inline]
-    pub(super) fn at(&self, fabric: &Fabric, along_um: f32) -> ShadowsAt<'a> {
+    pub(crate) fn at(&self, fabric: &Fabric, along_um: f32) -> ShadowsAt<'a> {
         let (place, between) = floor_fraction(along_um * self.per_um);
         let row = |at: usize| -> &'a [u8; SIZE] {
             self.shadows.free.get(at * SIZE..).and_then(|rows| rows.first_chunk()).unwrap_or(&[ALL_FREE; SIZE])
@@ -218,14 +218,14 @@ impl<'a> OfYarn<'a> {
 
 /// Shadows about one place.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct ShadowsAt<'a> {
-    rows: [&'a [u8; SIZE]; 2],
-    between: f32,
+pub(crate) struct ShadowsAt<'a> {
+    pub(crate) rows: [&'a [u8; SIZE]; 2],
+    pub(crate) between: f32,
 }
 
 /// A direction, and where the table has it.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Toward {
+pub(crate) struct Toward {
     pub b: [f32; 3],
     /// `[row][column]` of the four entries around, and the shares of rows and columns.
     at: [[u16; 2]; 2],
@@ -235,7 +235,7 @@ pub(super) struct Toward {
 
 impl Toward {
     #[inline]
-    pub(super) fn new(b: [f32; 3]) -> Toward {
+    pub(crate) fn new(b: [f32; 3]) -> Toward {
         let z = b[2].abs().min(1.0);
         let r = ((band_of(z) - 0.5).max(0.0) as usize).min(BANDS - 1);
         let s = if r + 1 < BANDS {
@@ -261,7 +261,7 @@ impl Toward {
     "x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+avx2+bmi1+bmi2+fma",
     "x86_64+avx2+bmi1+bmi2+fma"
 ))]
-pub(super) fn free<'a>(
+pub(crate) fn free<'a>(
     places: &[ShadowsAt<'a>; 2],
     toward: &Toward,
     exits: &[ExitDensity; EXIT_KINDS],

@@ -12,18 +12,27 @@ const ROWS: usize = INTERVALS + 2;
 /// Splines about the normal.
 const COLUMNS: usize = 24;
 /// Coefficients of a function.
-pub(super) const COUNT: usize = ROWS * COLUMNS;
+pub(crate) const COUNT: usize = ROWS * COLUMNS;
 /// Splines that are not 0 at a direction.
 const FEW: usize = 9;
 /// Weight of the mean, of a coefficient that a few samples bear upon.
 const RIDGE: f64 = 0.05;
 
 /// A function's coefficients.
-pub(super) type Coefficients = [f32; COUNT];
+pub(crate) type Coefficients = [f32; COUNT];
+
+/// F functions' coefficients side by side.
+pub(crate) type Several<const F: usize> = [[f32; F]; COUNT];
+
+/// Functions, each F side by side.
+pub(crate) fn several<const F: usize>(functions: &[Coefficients]) -> Vec<Several<F>> {
+    let each = functions.as_chunks::<F>().0;
+    each.iter().map(|of| std::array::from_fn(|i| std::array::from_fn(|f| of[f][i]))).collect()
+}
 
 /// The splines that are not 0 at a direction.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct At {
+pub(crate) struct At {
     index: [u16; FEW],
     weight: [f32; FEW],
 }
@@ -55,19 +64,22 @@ impl At {
         at
     }
 
-    /// A function there.
+    /// Functions there.
     #[inline]
-    pub fn of(&self, c: &Coefficients) -> f32 {
-        let mut sum = 0.0;
+    pub fn of<const F: usize>(&self, several: &Several<F>) -> [f32; F] {
+        let mut sums = [0.0; F];
         for (index, weight) in self.index.iter().zip(self.weight) {
-            sum += weight * c[usize::from(*index) % COUNT];
+            let c = &several[usize::from(*index) % COUNT];
+            for f in 0..F {
+                sums[f] += weight * c[f];
+            }
         }
-        sum
+        sums
     }
 }
 
 /// Sums of samples of F functions.
-pub(super) struct Sums<const F: usize> {
+pub(crate) struct Sums<const F: usize> {
     /// Of the lower half; the matrix is symmetric.
     normal: Vec<f64>,
     /// Functions side by side.
@@ -127,7 +139,7 @@ impl<const F: usize> Sums<F> {
 mod cholesky {
     use super::COUNT;
 
-    pub(super) struct Lower(Vec<f64>);
+    pub(crate) struct Lower(Vec<f64>);
 
     impl Lower {
         pub fn new(normal: &[f64], ridge: f64) -> Lower {
@@ -176,13 +188,13 @@ mod tests {
         for k in 0..60_000 {
             sums.add(&[f(direction(k)), 0.7], &At::new(direction(k)));
         }
-        let found = sums.solve();
+        let found = several::<2>(&sums.solve());
         for k in 0..500 {
             let w = direction(3 * k + 1);
-            let off = (At::new(w).of(&found[0]) - f(w)).abs();
+            let off = (At::new(w).of(&found[0])[0] - f(w)).abs();
             // About the normal x falls as a root of 1 - z, which no spline of z does.
             assert!(off < if w[2] > 0.9 { 2e-2 } else { 4e-3 }, "{w:?}: {off}");
-            assert!((At::new(w).of(&found[1]) - 0.7).abs() < 1e-5, "{w:?}");
+            assert!((At::new(w).of(&found[0])[1] - 0.7).abs() < 1e-5, "{w:?}");
         }
     }
 }

@@ -31,10 +31,10 @@
 //! | `slit_share` | `[2]` | of warp and weft: share of the forward light that slits between fibers take, 0 without slits |
 //! | `slits` | `[2][2][74]` or empty | spectra of the slits across and along the ply, as those of `apertures`; empty where no yarn has slits |
 
-use super::between::{CLASSES, FEW, PAIRS, SIGMAS, Side, TERMS};
+use super::between::{CLASSES_A_KIND, FEW, PAIRS, SIGMAS, Side, TERMS};
 use super::bsdf::{EDGES, FabricModel};
 use super::shadow::{COLUMNS, LANES, ROWS};
-use super::splines::COUNT;
+use super::splines::{COUNT, Several};
 use super::yarn::MAX_PLIES;
 use super::{GapLight, YarnSet, far};
 use crate::PlyModel;
@@ -100,8 +100,13 @@ impl FabricModel {
         f32s("dye_spectrum", &[dyes.len(), SPECTRUM_NODES], dyes.iter().flat_map(|d| d.1).collect());
         f32s("curve", &[curve.len(), 2], curve.iter().flat_map(|(v, value)| [*v as f32, *value as f32]).collect());
         let of = |values: &dyn Fn(&Side) -> Vec<f32>| self.between.sides.iter().flat_map(values).collect::<Vec<f32>>();
-        f32s("between_caught", &[2, CLASSES, 3, SIGMAS, COUNT], of(&|s| s.caught.as_flattened().to_vec()));
-        f32s("between_leaves", &[2, CLASSES, 2, 2, PAIRS, FEW], of(&|s| s.leaves.as_flattened().to_vec()));
+        // Of each family two of its classes: one layer and two.
+        let classes = [0, 1, CLASSES_A_KIND, CLASSES_A_KIND + 1];
+        let by_node = |of: &Several<SIGMAS>| (0..SIGMAS).flat_map(|node| of.map(|c| c[node])).collect::<Vec<_>>();
+        let caught = |s: &Side| classes.map(|c| s.caught[3 * c..][..3].iter().flat_map(by_node).collect::<Vec<_>>());
+        let leaves = |s: &Side| classes.map(|c| s.leaves[4 * PAIRS * c..][..4 * PAIRS].as_flattened().to_vec());
+        f32s("between_caught", &[2, classes.len(), 3, SIGMAS, COUNT], of(&|s| caught(s).concat()));
+        f32s("between_leaves", &[2, classes.len(), 2, 2, PAIRS, FEW], of(&|s| leaves(s).concat()));
         f32s("between_shape", &[2, 2, PAIRS, TERMS], of(&|s| s.shape.as_flattened().to_vec()));
         if let Some(far) = &self.far {
             let ([of_plies, chances, energy, first, passing], _) = far.numbers();

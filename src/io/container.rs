@@ -3,6 +3,7 @@
 //!
 //! Reading checks names, types and shapes and returns owned arrays; their owners check the values.
 
+use crate::math::half::{from_half, to_half};
 use crate::{Error, Result};
 use safetensors::tensor::{Dtype, Metadata, SafeTensors, TensorInfo, TensorView};
 use std::collections::HashMap;
@@ -29,6 +30,8 @@ pub enum FileKind {
     Twin,
     /// A continuous family of plies, [`crate::ply::FamilyData`].
     Family,
+    /// A cloth, ready for shading, [`crate::cloth::ClothData`].
+    Cloth,
 }
 
 impl FileKind {
@@ -41,6 +44,7 @@ impl FileKind {
             FileKind::Speckle => "plywave-speckle",
             FileKind::Twin => "plywave-twin",
             FileKind::Family => "plywave-family",
+            FileKind::Cloth => "plywave-cloth",
         }
     }
 
@@ -49,7 +53,12 @@ impl FileKind {
         match self {
             // 2: energies as splines on separate grids.
             FileKind::Model => 2,
-            FileKind::Table | FileKind::Fiber | FileKind::Speckle | FileKind::Twin | FileKind::Family => 1,
+            FileKind::Table
+            | FileKind::Fiber
+            | FileKind::Speckle
+            | FileKind::Twin
+            | FileKind::Family
+            | FileKind::Cloth => 1,
         }
     }
 
@@ -60,6 +69,7 @@ impl FileKind {
             FileKind::Table => 4 << 30,
             FileKind::Model | FileKind::Twin | FileKind::Family => 1 << 30,
             FileKind::Fiber | FileKind::Speckle => 2 << 30,
+            FileKind::Cloth => 256 << 20,
         }
     }
 
@@ -71,6 +81,7 @@ impl FileKind {
             FileKind::Speckle => "write it again with `plywave wave speckle`",
             FileKind::Twin => "write it again with `plywave twin`",
             FileKind::Family => "write it again with `plywave family`",
+            FileKind::Cloth => "write it again with `plywave weave`",
         }
     }
 }
@@ -100,8 +111,8 @@ pub fn file_kind(path: impl AsRef<Path>) -> Result<FileKind> {
     let header: serde_json::Value = serde_json::from_slice(&header).map_err(|_| foreign())?;
     let text = header["__metadata__"][KEY].as_str().ok_or_else(foreign)?;
     let head: Head = parse_head(&name, text)?;
-    use FileKind::{Family, Fiber, Model, Speckle, Table, Twin};
-    let kind = [Table, Model, Fiber, Speckle, Twin, Family]
+    use FileKind::{Cloth, Family, Fiber, Model, Speckle, Table, Twin};
+    let kind = [Table, Model, Fiber, Speckle, Twin, Family, Cloth]
         .into_iter()
         .find(|k| k.format() == head.format)
         .ok_or_else(foreign)?;
@@ -168,6 +179,12 @@ impl Writer {
         self.tensors.push((name, Dtype::F32, shape.to_vec(), bytes));
     }
 
+    /// In half precision.
+    pub(crate) fn f16(&mut self, name: &'static str, shape: &[usize], values: impl Iterator<Item = f32>) {
+        let bytes = values.flat_map(|v| to_half(v).to_le_bytes()).collect();
+        self.tensors.push((name, Dtype::F16, shape.to_vec(), bytes));
+    }
+
     pub(crate) fn u8(&mut self, name: &'static str, shape: &[usize], values: &[u8]) {
         self.tensors.push((name, Dtype::U8, shape.to_vec(), values.to_vec()));
     }
@@ -226,6 +243,7 @@ impl<'a> Reader<'a> {
                 FileKind::Speckle => "give speckle patterns (`plywave wave speckle` writes some)",
                 FileKind::Twin => "give the twin of a cloth (`plywave twin` writes one)",
                 FileKind::Family => "give a family of plies (`plywave family` writes one)",
+                FileKind::Cloth => "give a cloth (`plywave weave SPEC -o X.pwc` writes one)",
             };
             return Err(format_error(file, &what, hint));
         }
@@ -303,6 +321,16 @@ impl<'a> Reader<'a> {
         match info.dtype {
             Dtype::F32 => Ok(bytes.as_chunks().0.iter().map(|c| f32::from_le_bytes(*c)).collect()),
             _ => Err(self.type_error(name, info, "F32")),
+        }
+    }
+
+    /// A tensor of F16 of this shape.
+    pub(crate) fn f16(&self, name: &str, shape: &[usize]) -> Result<Vec<f32>> {
+        let (info, bytes) = self.info(name)?;
+        self.check_shape(name, info, shape)?;
+        match info.dtype {
+            Dtype::F16 => Ok(bytes.as_chunks().0.iter().map(|c| from_half(u16::from_le_bytes(*c))).collect()),
+            _ => Err(self.type_error(name, info, "F16")),
         }
     }
 

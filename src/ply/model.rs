@@ -111,6 +111,11 @@ impl PlyModel {
         Ok(PlyModel { tiles: noise, passed, ..PlyModel::from_parts(data, Vec::new()) })
     }
 
+    /// A model whose data are those of single lines already, as [`PlyModel::of_lines`] leaves them.
+    pub(crate) fn in_lines(self) -> PlyModel {
+        PlyModel { passed: Some(PassedLines::new(&self.data.energies)), ..self }
+    }
+
     /// Distribution of the exiting light across the ply, by kind.
     pub(crate) fn exit_shapes(&self) -> &[ExitShape; EXIT_KINDS] {
         match &self.exits {

@@ -7,8 +7,9 @@
 //! of `t^2` is `(E t)^2 + v`.
 
 use super::{ClothTwin, SphereBins};
+use crate::cloth::ClothSurface;
 use crate::math::parallel;
-use crate::{Bsdf, FabricModel, FabricQuery};
+use crate::{Bsdf, FabricQuery};
 
 /// Outgoing light, as fractions of the incident light.
 #[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize)]
@@ -68,7 +69,7 @@ const STEPS_OF_REPEATS: [f64; 2] = [0.628_706_721_042_211_5, 0.538_597_257_223_6
 
 /// Compares all views and absorptions of the twin, in its order. The fabric's own colors do not count: the
 /// absorptions are the twin's.
-pub fn compare(fabric: &FabricModel, twin: &ClothTwin, options: &ComparisonOptions) -> Vec<Comparison> {
+pub fn compare(fabric: &impl ClothSurface, twin: &ClothTwin, options: &ComparisonOptions) -> Vec<Comparison> {
     let steps = twin.sigma_count().div_ceil(N);
     let parts = parallel::map(twin.view_count() * steps, |part| {
         let (view, first) = (part / steps, part % steps * N);
@@ -141,7 +142,7 @@ impl Directions {
 
 /// `[bin][N]` densities and the straight light of the model, for the absorptions from `first` on.
 fn mean_of_model(
-    fabric: &FabricModel,
+    fabric: &impl ClothSurface,
     twin: &ClothTwin,
     view: usize,
     first: usize,
@@ -165,7 +166,7 @@ fn mean_of_model(
             (twin.repeat_um[k] * (repeat + even(STEPS))) as f32
         });
         let query = FabricQuery { sigma_per_um: sigma.map(Some), ..FabricQuery::new(at, wo, [0.55; N]) };
-        let bsdf = fabric.at(&query);
+        let bsdf = fabric.surface_at(&query);
         directions.fill(&twin.bins, wo, side, place);
         bsdf.eval_batch(&directions.w, &mut f, &mut pdf);
         for ((f, bin), solid_angle) in f.iter().zip(&directions.bin).zip(&directions.solid_angle) {

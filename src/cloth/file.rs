@@ -1,0 +1,253 @@
+//! Cloth files (`.pwc`): all that shading needs, made once.
+
+use super::shade::ClothShadows;
+use super::{ClothCurves, ClothYarn, PlyCurve};
+use crate::fabric::between::{CLASSES, CLASSES_A_KIND, FEW, InterYarn, PAIRS, SIGMAS, Side, TERMS};
+use crate::fabric::far::{COLUMNS, FarData, NODES, Runs, VIEWS};
+use crate::fabric::shadow::{self, LANES, ROWS};
+use crate::fabric::splines::COUNT;
+use crate::io::{Axis, Check, Document, FileKind, Provenance, Reader, Writer, document, invalid};
+use crate::{PlyModel, Result};
+use serde::{Deserialize, Serialize};
+use std::path::Path;
+use std::sync::Arc;
+
+/// Most kinds of yarns.
+const MAX_KINDS: usize = 2;
+const MODELS: [&str; MAX_KINDS] = ["model_0", "model_1"];
+
+/// A cloth, ready for shading: the contents of a cloth file.
+#[derive(Clone, Debug)]
+pub struct ClothData {
+    /// Text of the cloth spec.
+    pub spec_text: String,
+    /// Name of the cloth.
+    pub name: String,
+    /// Program version that wrote it.
+    pub program_version: String,
+    /// The curves of its plies.
+    pub curves: ClothCurves,
+    /// Model of each kind of yarn, [in single lines](PlyModel::of_lines).
+    pub models: Vec<Arc<PlyModel>>,
+    pub(crate) shadows: ClothShadows,
+    pub(crate) between: InterYarn,
+    pub(crate) far: Option<FarData>,
+}
+
+/// Keys of the JSON document besides the common ones.
+#[derive(Serialize, Deserialize)]
+pub(crate) struct Keys {
+    cell_um: [[f64; 2]; 2],
+    yarns: Vec<ClothYarn>,
+    curves: Vec<CurveKeys>,
+}
+
+/// A curve without its control points, which are rows of the tensor `control_um`.
+#[derive(Serialize, Deserialize)]
+struct CurveKeys {
+    yarn: u32,
+    radius_um: f64,
+    shift: [i32; 2],
+    points: usize,
+    /// Places at which its shadows are tabulated.
+    places: u32,
+}
+
+impl ClothData {
+    /// Writes the cloth (`docs/reference/format/cloth.md`) atomically.
+    ///
+    /// # Errors
+    /// [`crate::Error::Invalid`] if it would not load again, [`crate::Error::Io`].
+    pub fn save(&self, path: impl AsRef<Path>) -> Result<()> {
+        document::save(self, path.as_ref())
+    }
+
+    /// Reads a cloth and checks names, shapes, ranges and finiteness.
+    ///
+    /// # Errors
+    /// [`crate::Error::Io`], [`crate::Error::Format`] for a foreign, damaged or newer file,
+    /// [`crate::Error::Invalid`] for a value that is not allowed.
+    pub fn load(path: impl AsRef<Path>) -> Result<ClothData> {
+        document::load(path.as_ref())
+    }
+
+    /// The bytes of the file.
+    ///
+    /// # Errors
+    /// [`crate::Error::Invalid`] if it would not load again.
+    pub fn to_bytes(&self) -> Result<Vec<u8>> {
+        document::to_bytes(self, "cloth")
+    }
+
+    /// Reads a cloth from the bytes of its file; `name` identifies the file in errors.
+    ///
+    /// # Errors
+    /// As [`ClothData::load`].
+    pub fn from_bytes(bytes: &[u8], name: &str) -> Result<ClothData> {
+        Ok(document::from_bytes(bytes, name)?.0)
+    }
+
+    /// Whether the mean over the cell is in it.
+    pub fn has_far(&self) -> bool {
+        self.far.is_some()
+    }
+
+    fn kinds(&self) -> usize {
+        self.models.len()
+    }
+}
+
+/// Numbers of a tensor as rows of F.
+fn rows<const F: usize>(values: Vec<f32>) -> Vec<[f32; F]> {
+    values.as_chunks::<F>().0.to_vec()
+}
+
+impl Document for ClothData {
+    const KIND: FileKind = FileKind::Cloth;
+    type Keys = Keys;
+
+    fn names() -> Vec<&'static str> {
+        let tables = [
+            "control_um",
+            "shadow_free",
+            "between_caught",
+            "between_leaves",
+            "between_shape",
+            "between_albedo",
+            "far_f",
+            "far_first",
+            "far_passing",
+        ];
+        [&tables[..], &MODELS].concat()
+    }
+
+    fn provenance(&self) -> Provenance {
+        Provenance {
+            program_version: self.program_version.clone(),
+            preset: self.name.clone(),
+            seed: 0,
+            spec: self.spec_text.clone(),
+        }
+    }
+
+    fn keys(&self, _: &str) -> Result<Keys> {
+        let curves = self.curves.curves.iter().zip(self.shadows.counts());
+        let curves = curves.map(|(c, places)| CurveKeys {
+            yarn: c.yarn,
+            radius_um: c.radius_um,
+            shift: c.shift,
+            points: c.control_um.len(),
+            places,
+        });
+        Ok(Keys { cell_um: self.curves.cell_um, yarns: self.curves.yarns.clone(), curves: curves.collect() })
+    }
+
+    fn summary(&self) -> (Vec<Axis>, serde_json::Value) {
+        let points = self.curves.curves.iter().map(|c| c.control_um.len()).sum();
+        let axes = vec![Axis::new("curve", "1", self.curves.curves.len()), Axis::new("point", "um", points)];
+        (axes, serde_json::json!({ "far": self.has_far() }))
+    }
+
+    fn tensors(&self, w: &mut Writer) {
+        let points: Vec<f64> = self.curves.curves.iter().flat_map(|c| c.control_um.as_flattened()).copied().collect();
+        w.f64("control_um", &[points.len() / 3, 3], &points);
+        for (name, model) in MODELS.into_iter().zip(&self.models) {
+            // A model that is whole is written.
+            let bytes = model.data().to_bytes().unwrap_or_default();
+            w.u8(name, &[bytes.len()], &bytes);
+        }
+        let free = self.shadows.free();
+        let row = 2 * ROWS * shadow::COLUMNS * LANES;
+        w.u8("shadow_free", &[free.len() / row, 2 * ROWS, shadow::COLUMNS, LANES], free);
+        let sides = &self.between.sides;
+        let of = |values: &dyn Fn(&Side) -> Vec<f32>| sides.iter().flat_map(values).collect::<Vec<f32>>();
+        let caught = of(&|s| s.caught.as_flattened().as_flattened().to_vec());
+        w.f32("between_caught", &[2, CLASSES, 3, COUNT, SIGMAS], caught.into_iter());
+        let leaves = of(&|s| s.leaves.as_flattened().to_vec());
+        w.f32("between_leaves", &[2, CLASSES, 2, 2, PAIRS, FEW], leaves.into_iter());
+        w.f32("between_shape", &[2, 2, PAIRS, TERMS], of(&|s| s.shape.as_flattened().to_vec()).into_iter());
+        w.f64("between_albedo", &[SIGMAS], &self.between.albedo);
+        if let Some(far) = &self.far {
+            let kinds = self.kinds();
+            w.f16("far_f", &[kinds, VIEWS, COLUMNS, NODES, SIGMAS], far.f.as_flattened().iter().copied());
+            let first = far.first.as_flattened().as_flattened().iter().copied();
+            w.f32("far_first", &[kinds, VIEWS, CLASSES_A_KIND, SIGMAS], first);
+            w.f32("far_passing", &[VIEWS], far.passing.iter().copied());
+        }
+    }
+
+    fn read(r: &Reader<'_>, p: Provenance, keys: &Keys) -> Result<ClothData> {
+        let models = MODELS.into_iter().filter(|name| r.has(name)).map(|name| {
+            let bytes = r.u8(name, &r.shape(name, 1)?)?;
+            Ok(Arc::new(PlyModel::from_bytes(&bytes, &format!("{} ({name})", r.file()))?.in_lines()))
+        });
+        let models = models.collect::<Result<Vec<_>>>()?;
+        let points = r.f64("control_um", &r.shape("control_um", 2)?)?;
+        let mut points = points.as_chunks::<3>().0.iter().copied();
+        let curves = keys.curves.iter().map(|c| {
+            let control_um: Vec<[f64; 3]> = points.by_ref().take(c.points).collect();
+            PlyCurve { yarn: c.yarn, radius_um: c.radius_um, shift: c.shift, control_um }
+        });
+        let curves = ClothCurves { cell_um: keys.cell_um, yarns: keys.yarns.clone(), curves: curves.collect() };
+        curves.check(r.file())?;
+        let shape = r.shape("shadow_free", 4)?;
+        let free = r.u8("shadow_free", &[shape[0], 2 * ROWS, shadow::COLUMNS, LANES])?;
+        let counts: Vec<u32> = keys.curves.iter().map(|c| c.places).collect();
+        let knots = curves.curves.iter().map(|c| c.control_um.len());
+        let shadows = ClothShadows::of(&counts, knots, free).ok_or_else(|| {
+            invalid(r.file(), "shadow_free", format!("{} places", shape[0]), "expected those of the curves")
+        })?;
+        let caught = rows::<SIGMAS>(r.f32("between_caught", &[2, CLASSES, 3, COUNT, SIGMAS])?);
+        let leaves = rows::<FEW>(r.f32("between_leaves", &[2, CLASSES, 2, 2, PAIRS, FEW])?);
+        let shape = rows::<TERMS>(r.f32("between_shape", &[2, 2, PAIRS, TERMS])?);
+        let side = |side: usize| {
+            let of = |count: usize| side * count / 2..(side + 1) * count / 2;
+            Side {
+                caught: caught[of(caught.len())].as_chunks::<COUNT>().0.to_vec(),
+                leaves: leaves[of(leaves.len())].to_vec(),
+                shape: shape[of(shape.len())].to_vec(),
+            }
+        };
+        let mut albedo = [0.0; SIGMAS];
+        albedo.copy_from_slice(&r.f64("between_albedo", &[SIGMAS])?);
+        let between = InterYarn { sides: [side(0), side(1)], albedo };
+        let far = if r.has("far_f") {
+            let kinds = models.len();
+            let f = rows(r.f16("far_f", &[kinds, VIEWS, COLUMNS, NODES, SIGMAS])?);
+            let first = rows::<SIGMAS>(r.f32("far_first", &[kinds, VIEWS, CLASSES_A_KIND, SIGMAS])?);
+            let passing = r.f32("far_passing", &[VIEWS])?;
+            // How yarns run is found with the curves.
+            Some(FarData::of([Runs::AlongY; 2], f, first.as_chunks().0.to_vec(), passing))
+        } else {
+            None
+        };
+        Ok(ClothData {
+            spec_text: p.spec,
+            name: p.preset,
+            program_version: p.program_version,
+            curves,
+            models,
+            shadows,
+            between,
+            far,
+        })
+    }
+
+    fn check(&self, name: &str) -> Result<()> {
+        let c = Check(name);
+        self.curves.check(name)?;
+        super::ClothSpec::parse(&self.spec_text, &format!("{name} (its spec)"))?;
+        for side in &self.between.sides {
+            c.range_f32("between_caught", side.caught.as_flattened().as_flattened(), -1e3, 1e3)?;
+            c.range_f32("between_leaves", side.leaves.as_flattened(), -1e3, 1e3)?;
+            c.range_f32("between_shape", side.shape.as_flattened(), -1e6, 1e6)?;
+        }
+        c.range("between_albedo", &self.between.albedo, 0.0, 2.0)?;
+        if let Some(far) = &self.far {
+            c.range_f32("far_f", far.f.as_flattened(), 0.0, 65504.0)?;
+            c.range_f32("far_first", far.first.as_flattened().as_flattened(), 0.0, 10.0)?;
+            c.range_f32("far_passing", &far.passing, 0.0, 1.0)?;
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,55 @@
+//! All that shading needs of a cloth, found by lines and paths through it.
+
+use super::ClothCurves;
+use super::file::ClothData;
+use super::model::{ClothModel, ClothPaths, Laid};
+use super::shade::ClothShadows;
+use crate::fabric::FabricOptions;
+use crate::fabric::between::InterYarn;
+use crate::fabric::far::FarData;
+use crate::math::half::{from_half, to_half};
+use crate::{PlyModel, Result};
+use std::sync::Arc;
+
+impl ClothData {
+    /// Finds all that shading needs of a cloth: shadows, light between plies, and, some seconds more, the
+    /// mean over the cell for pixels that cover many yarns. `models` has one for each kind of yarn; `told`
+    /// says what begins.
+    ///
+    /// # Errors
+    /// [`crate::Error::Invalid`] for models whose plies are not those of the curves, and as
+    /// [`super::ClothLines::new`].
+    pub fn make(
+        spec_text: &str,
+        name: &str,
+        curves: &ClothCurves,
+        models: &[Arc<PlyModel>],
+        has_far: bool,
+        mut told: impl FnMut(&str) -> Result<()>,
+    ) -> Result<ClothData> {
+        told("shadows")?;
+        let models: Vec<Arc<PlyModel>> = models.iter().map(|m| Ok(Arc::new(m.of_lines()?))).collect::<Result<_>>()?;
+        let laid = Laid::new(curves, &models)?;
+        let shadows = ClothShadows::new(&laid.lines, &laid);
+        told("light between plies")?;
+        let between = InterYarn::of(&ClothPaths { laid: &laid, shadows: &shadows });
+        let mut data = ClothData {
+            spec_text: spec_text.into(),
+            name: name.into(),
+            program_version: env!("CARGO_PKG_VERSION").into(),
+            curves: curves.clone(),
+            models,
+            shadows,
+            between,
+            far: None,
+        };
+        if has_far {
+            told("mean over the cell")?;
+            let mut far = FarData::new(&ClothModel::from_data(data.clone(), &FabricOptions::RAYS)?);
+            // As a file has it.
+            far.f.as_flattened_mut().iter_mut().for_each(|f| *f = from_half(to_half(*f)));
+            data.far = Some(far);
+        }
+        Ok(data)
+    }
+}

@@ -1,0 +1,256 @@
+//! Shadows of plies on their neighbors: the chance that light which leaves a ply in a direction hits no other
+//! ply.
+//!
+//! It is tabulated for each curve of the cell over the place along it, the offset from its axis and the
+//! direction, by lines followed through the cloth. The numbers of a place are those of `fabric/shadow.rs`.
+
+use super::lines::{ClothLines, LineHit, LineHits, PlaceOnCurve};
+use crate::fabric::shadow::{ALL_FREE, BANDS, COLUMNS, LANES, MAX_SHARE, OFFSETS, ROWS, ShadowsAt, Toward, free, z_of};
+use crate::math::hash::SplitMix64;
+use crate::math::vec3::{cross, dot};
+use crate::math::{floor_fraction, parallel};
+use crate::ply::{EXIT_KINDS, ExitLine};
+use std::f32::consts::TAU;
+
+/// Length of ply between two places, over its radius.
+const STEP: f32 = 1.5;
+/// Most places of a cloth: beyond, they lie farther apart.
+const MAX_PLACES: f32 = 1000.0;
+/// Bytes of a place.
+const SIZE: usize = 2 * ROWS * COLUMNS * LANES;
+/// Lines of an entry of all places together, and least and most of one place: where places are few, chance
+/// does not average out over them.
+const LINES: usize = 2048;
+const LINES_OF_ONE: [usize; 2] = [3, 16];
+/// How much more light a line on the outer side of a bend counts at most.
+const MAX_AREA: f32 = 2.5;
+/// Own ply that a line meets again this near to where it left it, over R, is none.
+const OWN: f32 = 2.5;
+/// A line of less light is not followed.
+const MIN_FREE: f32 = 1e-3;
+/// Places that are filled together.
+const PLACES_A_PART: usize = 8;
+
+/// Places of a curve.
+#[derive(Clone, Copy, Debug)]
+struct Places {
+    first: u32,
+    count: u32,
+    per_knot: f32,
+}
+
+/// The table of a cloth.
+#[derive(Clone, Debug)]
+pub(crate) struct ClothShadows {
+    curves: Vec<Places>,
+    /// `[place][row][column][LANES]`, 255 for `MAX_SHARE`.
+    free: Vec<u8>,
+}
+
+/// What a cloth says of the light that passes its plies.
+pub(crate) trait PassesPlies: Sync {
+    /// Fraction of a line that passes the ply it hits; `d` is the line's direction.
+    fn r_d(&self, hit: &LineHit, d: [f32; 3]) -> f32;
+
+    /// About that fraction, found sooner.
+    fn passes(&self, hit: &LineHit, d: [f32; 3]) -> f32;
+}
+
+impl ClothShadows {
+    /// Of a cloth, by lines followed through it.
+    pub(crate) fn new(lines: &ClothLines, passing: &impl PassesPlies) -> ClothShadows {
+        let length = |curve: usize| {
+            let knots = lines.knots(curve);
+            (0..knots).map(|k| lines.speed_um(curve, k as f32 + 0.5)).sum::<f32>()
+        };
+        let wanted: Vec<f32> =
+            (0..lines.curves()).map(|c| length(c) / (STEP * lines.place(c, 0.0).radius_um)).collect();
+        let less = (MAX_PLACES / wanted.iter().sum::<f32>()).min(1.0);
+        let (mut curves, mut places) = (Vec::new(), Vec::new());
+        for (curve, wanted) in wanted.iter().enumerate() {
+            let count = (less * wanted).ceil().max(2.0) as u32;
+            let per_knot = count as f32 / lines.knots(curve) as f32;
+            curves.push(Places { first: places.len() as u32, count, per_knot });
+            places.extend((0..count).map(|place| (curve, place as f32 / per_knot, 1.0 / per_knot)));
+        }
+        let count = (LINES / places.len().max(1)).clamp(LINES_OF_ONE[0], LINES_OF_ONE[1]);
+        let filled = parallel::map(places.len().div_ceil(PLACES_A_PART), |part| {
+            let first = part * PLACES_A_PART;
+            let of = &places[first..(first + PLACES_A_PART).min(places.len())];
+            let mut free = vec![0; of.len() * SIZE];
+            for (i, (row, place)) in free.chunks_exact_mut(SIZE).zip(of).enumerate() {
+                fill(row, (lines, passing), *place, (first + i) as u64, count);
+            }
+            free
+        });
+        ClothShadows { curves, free: filled.concat() }
+    }
+
+    /// Of the number of places and of knots of each curve, and the table; `None` where they do not fit.
+    pub(crate) fn of(counts: &[u32], knots: impl Iterator<Item = usize>, free: Vec<u8>) -> Option<ClothShadows> {
+        let (mut curves, mut first) = (Vec::new(), 0u32);
+        for (count, knots) in counts.iter().zip(knots) {
+            curves.push(Places { first, count: *count, per_knot: *count as f32 / knots as f32 });
+            first = first.checked_add(*count).filter(|_| *count > 0)?;
+        }
+        (free.len() == first as usize * SIZE).then_some(ClothShadows { curves, free })
+    }
+
+    /// Number of places of each curve.
+    pub(crate) fn counts(&self) -> impl Iterator<Item = u32> {
+        self.curves.iter().map(|places| places.count)
+    }
+
+    /// The table.
+    pub(crate) fn free(&self) -> &[u8] {
+        &self.free
+    }
+
+    pub(crate) fn memory_bytes(&self) -> usize {
+        self.free.len() + size_of_val(self.curves.as_slice())
+    }
+}
+
+/// Neighbors of a ply: which of them count, and the place.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct ClothShade<'a> {
+    /// Of the half the light comes from, and of the other.
+    counts: [bool; 2],
+    /// Sign of z of the half the light comes from.
+    up_sign: f32,
+    shadows: &'a ClothShadows,
+    places: Places,
+    /// Place where the line is nearest to the axis, and how many places further a point lies that is R
+    /// further along.
+    at: f32,
+    per_radius: f32,
+}
+
+impl<'a> ClothShade<'a> {
+    /// Of a ply that a line from direction `a` hits; `counts` are the halves, up first, in which shadows
+    /// count.
+    pub(crate) fn new(shadows: &'a ClothShadows, hit: &LineHit, a: [f32; 3], counts: [bool; 2]) -> ClothShade<'a> {
+        let places = shadows.curves[hit.curve as usize];
+        ClothShade {
+            counts,
+            up_sign: if a[2] < 0.0 { -1.0 } else { 1.0 },
+            shadows,
+            places,
+            at: hit.parameter * places.per_knot,
+            per_radius: hit.radius_um / hit.speed_um.max(1e-6) * places.per_knot,
+        }
+    }
+
+    fn at(&self, s: f32) -> ShadowsAt<'a> {
+        let (place, between) = floor_fraction(self.at + s * self.per_radius);
+        let count = self.places.count as i32;
+        let row = |place: i32| -> &'a [u8; SIZE] {
+            let at = self.places.first as usize + place.rem_euclid(count) as usize;
+            self.shadows.free.get(at * SIZE..).and_then(|rows| rows.first_chunk()).unwrap_or(&[ALL_FREE; SIZE])
+        };
+        ShadowsAt { rows: [row(place), row(place.wrapping_add(1))], between }
+    }
+
+    /// Shares of single reflection, of other light of clear fibers and of that of dark ones that get out in a
+    /// direction, of light that leaves on these lines.
+    #[inline]
+    pub(crate) fn toward(&self, toward: &Toward, [refl, clear, dark]: [ExitLine; EXIT_KINDS]) -> [f32; EXIT_KINDS] {
+        if !self.counts[usize::from(toward.b[2] * self.up_sign < 0.0)] {
+            return [1.0; EXIT_KINDS];
+        }
+        // Single reflection and light of dark fibers turn at places near each other.
+        let places = [self.at(0.5 * (refl.s + dark.s)), self.at(clear.s)];
+        free(&places, toward, &[refl.density, clear.density, dark.density], 0.0, 1.0)
+    }
+}
+
+/// Where light in direction `b` leaves the tube about a place of a curve, from a point `p` in it [um]. Along
+/// the tube at most ten radii further.
+pub(crate) fn exit(center: [f32; 3], z: [f32; 3], radius: f32, p: [f32; 3], b: [f32; 3]) -> [f32; 3] {
+    crate::fabric::flight::exit(center, z, radius, p, b)
+}
+
+/// Whether a ply that a line from `from` hits is the one that it left: the same strand, near to the start.
+/// `own` is its curve with the cell of its image.
+pub(crate) fn is_own(lines: &ClothLines, hit: &LineHit, (curve, cells, parameter): (u32, [i32; 2], f32)) -> bool {
+    if hit.curve != curve {
+        return false;
+    }
+    let turns = if hit.cells == cells {
+        0
+    } else {
+        let by = [hit.cells[0] - cells[0], hit.cells[1] - cells[1]];
+        match super::whole_times(by, lines.shift(curve as usize)) {
+            Some(turns) => turns,
+            None => return false,
+        }
+    };
+    let knots = lines.knots(curve as usize) as f32;
+    (hit.parameter + turns as f32 * knots - parameter).abs() * hit.speed_um < OWN * hit.radius_um
+}
+
+/// One place: lines in every direction, from every offset.
+///
+/// Light leaves by lines that are even over the offset t from the axis, as from a straight ply. Of a bent
+/// one, of curvature kappa towards n, lines in direction b have the area
+/// `(sin - t kappa (b . B) / sin^2) ds dt`, B = axis cross n and sin that between b and the axis: more on the
+/// outer side of a bend, less on the inner one, nothing where it folds. What b is sent is in proportion, as
+/// what comes from there is, so each line counts by this area over that of a straight ply, `sin ds dt`.
+fn fill(
+    row: &mut [u8],
+    (lines, passing): (&ClothLines, &impl PassesPlies),
+    (curve, middle, width): (usize, f32, f32),
+    seed: u64,
+    count: usize,
+) {
+    let knots = lines.knots(curve) as f32;
+    let mut rng = SplitMix64(0x7368_6164 ^ seed << 20);
+    let mut number = || rng.next_f64() as f32;
+    let mut hits = LineHits::default();
+    for (i, entry) in row.chunks_exact_mut(LANES).enumerate() {
+        let (r, c) = (i / COLUMNS, i % COLUMNS);
+        let sign = if r < ROWS { 1.0 } else { -1.0 };
+        for (o, entry) in entry[..OFFSETS].iter_mut().enumerate() {
+            let mut free = 0.0;
+            for _ in 0..count {
+                let parameter = middle + width * (number() - 0.5);
+                let parameter = if parameter < 0.0 { parameter + knots } else { parameter };
+                let place = lines.place(curve, parameter);
+                let PlaceOnCurve { center_um, tangent, bend_per_um, radius_um } = place;
+                // A ply sends little light along itself, where much passes: directions are drawn by the sine.
+                let (b, x, sine) = loop {
+                    let band = r % ROWS;
+                    let z = sign * if band < BANDS { z_of(band as f32 + number()) } else { 1.0 };
+                    let (sin, cos) = (TAU * (c as f32 + number()) / COLUMNS as f32).sin_cos();
+                    let across = (1.0 - z * z).max(0.0).sqrt();
+                    let b = [across * cos, across * sin, z];
+                    let x = cross(b, tangent);
+                    let sine = dot(x, x).sqrt();
+                    if number() < sine {
+                        break (b, x, sine.max(1e-3));
+                    }
+                };
+                let t = ((o as f32 + number()) / OFFSETS as f32 * 2.0 - 1.0) * radius_um;
+                let area = 1.0 - t * dot(b, cross(tangent, bend_per_um)) / (sine * sine * sine);
+                if area <= 0.0 {
+                    continue;
+                }
+                let inner = std::array::from_fn(|i| center_um[i] + t / sine * x[i]);
+                let from = exit(center_um, tangent, radius_um, inner, b);
+                lines.hits_while(from, b, &mut hits, |hit| passing.passes(hit, b));
+                let mut passes = area.min(MAX_AREA);
+                for hit in hits.as_slice() {
+                    if !is_own(lines, hit, (curve as u32, [0; 2], parameter)) {
+                        passes *= passing.r_d(hit, b);
+                        if passes < MIN_FREE {
+                            passes = 0.0;
+                            break;
+                        }
+                    }
+                }
+                free += passes;
+            }
+            *entry = (255.0 / MAX_SHARE * (free / count as f32).min(MAX_SHARE) + 0.5) as u8;
+        }
+    }
+}
