@@ -29,6 +29,8 @@ pub enum Kind {
     Fabric,
     /// A cloth spec, in textile units.
     Cloth,
+    /// A cloth, ready for shading.
+    ClothFile,
     /// An analytic fiber.
     Filament,
     /// A scene of the wave simulator.
@@ -62,6 +64,7 @@ impl Kind {
             Kind::Yarn => "a yarn spec (TOML)",
             Kind::Fabric => "a fabric spec (TOML)",
             Kind::Cloth => "a cloth spec (TOML)",
+            Kind::ClothFile => "a cloth (.pwc)",
             Kind::Filament => "an analytic fiber (TOML)",
             Kind::WaveScene => "a scene for waves (TOML)",
             Kind::StrandScene => "a scene of strands (TOML)",
@@ -89,6 +92,7 @@ impl Kind {
             Kind::Speckle => Some("plywave wave speckle SPEC"),
             Kind::Twin => Some("plywave twin FABRIC"),
             Kind::Family => Some("plywave family SPEC"),
+            Kind::ClothFile => Some("plywave weave SPEC -o CLOTH.pwc"),
             Kind::Part => Some("plywave simulate SPEC --shards I/N"),
             _ => None,
         }
@@ -104,7 +108,8 @@ impl Kind {
             (Kind::Model, Kind::Fabric) => "write a fabric spec that names it, as fabrics/cotton_plain.toml",
             (Kind::Yarn, Kind::Fabric) => "build its model and write a fabric spec that names it",
             (Kind::Fabric, Kind::Twin) => "`plywave twin SPEC` makes one of it",
-            (Kind::Cloth, _) => "`plywave weave`, `plywave plot` and `plywave twin` take it",
+            (Kind::Cloth, _) => "`plywave weave`, `plywave plot`, `plywave render` and `plywave twin` take it",
+            (Kind::ClothFile, _) => "`plywave render`, `plywave plot` and `plywave info` take it",
             (Kind::Fabric, _) => "`plywave render` and `plywave weave` take it",
             (Kind::Yarn, _) => "`plywave build` takes it",
             (Kind::Model, _) => "`plywave info` tells what it holds",
@@ -150,6 +155,7 @@ pub fn kind_of(path: &Path) -> Option<Kind> {
             FileKind::Speckle => Kind::Speckle,
             FileKind::Twin => Kind::Twin,
             FileKind::Family => Kind::Family,
+            FileKind::Cloth => Kind::ClothFile,
         });
     }
     let head = head_of(path)?;
@@ -256,8 +262,8 @@ pub fn explain(path: &Path, wanted: &[Kind], error: impl Into<Failure>) -> Failu
 /// Refuses the inputs of a command that are not there or of another kind than it takes, before any work.
 pub fn check_inputs(command: &Command) -> Outcome {
     use Kind::{
-        Cloth, Fabric, Family, Fiber, Filament, Library, Mesh, Model, Part, Picture, Speckle, StrandScene, Table, Twin,
-        WaveScene, Yarn,
+        Cloth, ClothFile, Fabric, Family, Fiber, Filament, Library, Mesh, Model, Part, Picture, Speckle, StrandScene,
+        Table, Twin, WaveScene, Yarn,
     };
     let one = |path: &Path, wanted: &[Kind]| require(path, wanted);
     let maybe = |path: &Option<PathBuf>, wanted: &[Kind]| path.as_deref().map_or(Ok(()), |path| require(path, wanted));
@@ -275,13 +281,13 @@ pub fn check_inputs(command: &Command) -> Outcome {
             true => one(&args.input, &[Yarn, Family]),
             false => one(&args.input, &[Family]),
         },
-        Command::Info(args) => one(&args.file, &[Model, Yarn, Table, Fiber, Speckle, Twin, Family]),
+        Command::Info(args) => one(&args.file, &[Model, Yarn, Table, Fiber, Speckle, Twin, Family, ClothFile]),
         Command::Eval(args) => one(&args.model, &[Model]),
         Command::Sample(args) => one(&args.model, &[Model]),
         Command::Check(args) => {
-            one(&args.model, &[Model, Family, Fabric, Filament])?;
+            one(&args.model, &[Model, Family, Fabric, Cloth, ClothFile, Filament])?;
             match kind_of(&args.model) {
-                Some(Fabric) => maybe(&args.twin, &[Twin]),
+                Some(Fabric | Cloth | ClothFile) => maybe(&args.twin, &[Twin]),
                 // Neither goes with it, wherever it leads.
                 Some(Filament) => Ok(()),
                 _ => maybe(&args.table, &[Table]).and_then(|()| maybe(&args.traced, &[Table])),
@@ -292,13 +298,13 @@ pub fn check_inputs(command: &Command) -> Outcome {
             one(&args.b, if kind_of(&args.a) == Some(Table) { &[Table] } else { &[Model] })
         }
         Command::Plot(args) => {
-            one(&args.file, &[Model, Table, Fiber, Speckle, Yarn, Cloth])?;
+            one(&args.file, &[Model, Table, Fiber, Speckle, Yarn, Cloth, ClothFile])?;
             maybe(&args.table, &[Table])?;
             maybe(&args.model, &[Model])
         }
         Command::Compare(args) => one(&args.spec, &[Yarn]),
         Command::Render(args) => {
-            one(&args.fabric, &[Fabric, StrandScene])?;
+            one(&args.fabric, &[Fabric, Cloth, ClothFile, StrandScene])?;
             maybe(&args.mesh, &[Mesh])?;
             maybe(&args.sky, &[Picture])
         }

@@ -1,14 +1,16 @@
 //! What renders of fabrics and of strands have in common: the files that they write, what sums must agree
 //! with, the work with its bar, and what is said of it.
 
-use crate::args::{Cli, RenderArgs};
+use crate::args::{Cli, RenderArgs, Scene};
 use crate::commands::on_threads;
 use crate::failure::{Failure, Outcome};
 use crate::output::Held;
 use crate::progress::{self, Bar};
 use crate::{output, report};
 use glam::Vec3;
-use plywave_render::{Camera, Environment, Facts, Film, FilmView, Ingredients, MAX_SCATTERINGS, RenderError, png};
+use plywave_render::{
+    Camera, Environment, Facts, Film, FilmView, Ingredients, MAX_SCATTERINGS, MeshNotes, RenderError, Setup, png,
+};
 use sha2::{Digest, Sha256};
 use std::io::Read;
 use std::path::{Path, PathBuf};
@@ -323,4 +325,43 @@ fn tell(
         }
         notes.iter().try_for_each(|note| writeln!(out, "  note         {note}"))
     })
+}
+
+impl From<Scene> for Setup {
+    fn from(scene: Scene) -> Setup {
+        match scene {
+            Scene::Front => Setup::Front,
+            Scene::Back => Setup::Back,
+            Scene::Drape => Setup::Drape,
+            Scene::Folds => Setup::Folds,
+            Scene::Swatch => Setup::Swatch,
+            Scene::Grazing => Setup::Grazing,
+            Scene::Furnace => Setup::Furnace,
+        }
+    }
+}
+
+/// The ready-made scene.
+pub fn setup(args: &RenderArgs) -> Scene {
+    args.setup.unwrap_or(Scene::Front)
+}
+
+/// What was done to a mesh, a line each.
+pub fn mesh_notes(file: &Path, notes: &MeshNotes) -> Vec<String> {
+    let file = file.display();
+    let scale = report::number(notes.mm_per_unit);
+    let mut lines =
+        vec![format!("{file}: scaled and centered, 1 unit is {scale} mm; --size-mm sets its largest extent")];
+    for (faces, done, what) in [
+        (notes.equal, "left out", "equal to another"),
+        (notes.flat, "left out", "without area in single precision"),
+        (notes.crossed, "triangulated as far as possible", "crossing itself"),
+    ] {
+        if faces.count > 0 {
+            let (counted, first) = (report::counted(faces.count as u64, "face", "faces"), faces.first);
+            let which = if faces.count > 1 { "the first is " } else { "" };
+            lines.push(format!("{file}: {done} {counted} {what}: {which}face {first} (line {})", faces.line));
+        }
+    }
+    lines
 }

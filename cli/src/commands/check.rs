@@ -91,7 +91,7 @@ pub fn run(cli: &Cli, args: &CheckArgs) -> Outcome {
     {
         return Err(Failure::input("command line", flag, value, "must be 0 or more"));
     }
-    if kinds::kind_of(&args.model) == Some(kinds::Kind::Fabric) {
+    if matches!(kinds::kind_of(&args.model), Some(kinds::Kind::Fabric | kinds::Kind::Cloth | kinds::Kind::ClothFile)) {
         refuse(&[("--traced", &args.traced)], "a fabric is compared with its twin: give --twin FILE")?;
         return super::check_cloth::run(cli, args);
     }

@@ -7,9 +7,11 @@ use crate::args::{CheckArgs, Cli};
 use crate::failure::{Failure, Outcome};
 use crate::{kinds, output};
 use plywave::FabricModel;
+use plywave::cloth::{ClothModel, ClothSurface};
 use plywave::fabric::{FabricOptions, FabricSpec};
 use plywave::twin::{ClothTwin, Comparison, ComparisonOptions, compare};
-use plywave_sim::twin::TwinCloth;
+use plywave_sim::twin::{TwinCloth, TwinCurves};
+use std::path::Path;
 
 /// Most that reflected and all transmitted light may be off, up to a tilt of 60 degrees and beyond.
 const LIGHT_TOLERANCE: [f64; 2] = [0.015, 0.03];
@@ -39,6 +41,9 @@ pub fn run(cli: &Cli, args: &CheckArgs) -> Outcome {
         let hint = "a fabric is checked against its twin: give --twin FILE, which `plywave twin` writes";
         return Err(Failure::input("command line", "--twin", "(absent)", hint));
     };
+    if kinds::kind_of(&args.model) != Some(kinds::Kind::Fabric) {
+        return run_curves(cli, args, path);
+    }
     let loaded = FabricSpec::load_file(&args.model, &cli.library()?)?;
     kinds::tell_fabric_notes(cli, &loaded);
     let twin = ClothTwin::load(path)?;
@@ -47,14 +52,38 @@ pub fn run(cli: &Cli, args: &CheckArgs) -> Outcome {
         let hint = format!("{} is of another cloth; trace it again with `plywave twin`", path.display());
         return Err(Failure::input(args.model.display(), what, "not the twin's", &hint));
     }
-    let fabric = FabricModel::new(loaded, &FabricOptions::RAYS)?;
-    let all = on_threads(cli, || compare(&fabric, &twin, &ComparisonOptions::default()))?;
-    let passed = all.iter().all(|c| verdicts(&twin, c).iter().all(|v| *v));
+    held(cli, args, (path, &twin), &FabricModel::new(loaded, &FabricOptions::RAYS)?)
+}
+
+/// Runs the command on a cloth of curves.
+fn run_curves(cli: &Cli, args: &CheckArgs, path: &Path) -> Outcome {
+    let mut notes = Vec::new();
+    let (data, _) = super::cloth_file::ready(cli, &args.model, &mut notes)?;
+    if !cli.quiet {
+        notes.iter().for_each(|note| eprintln!("note: {note}"));
+    }
+    let twin = ClothTwin::load(path)?;
+    let traced = TwinCurves::parse(&twin.spec_text).transpose().map_err(|e| super::runs::failure(e, path))?;
+    let plies = data.models.iter().map(|m| m.data().spec_text.clone()).collect::<Vec<_>>();
+    if let Some(what) = match &traced {
+        None => Some("curves"),
+        Some(traced) => traced.difference(&data.curves, &plies),
+    } {
+        let hint = format!("{} is of another cloth; trace it again with `plywave twin`", path.display());
+        return Err(Failure::input(args.model.display(), what, "not the twin's", &hint));
+    }
+    held(cli, args, (path, &twin), &ClothModel::from_data(data, &FabricOptions::RAYS)?)
+}
+
+/// Compares a cloth with its twin.
+fn held(cli: &Cli, args: &CheckArgs, (path, twin): (&Path, &ClothTwin), cloth: &impl ClothSurface) -> Outcome {
+    let all = on_threads(cli, || compare(cloth, twin, &ComparisonOptions::default()))?;
+    let passed = all.iter().all(|c| verdicts(twin, c).iter().all(|v| *v));
     let printed = if cli.json {
         let views: Vec<serde_json::Value> = all
             .iter()
             .map(|c| {
-                let ([tilt, azimuth], pass) = (angles(twin.view(c.view)), verdicts(&twin, c));
+                let ([tilt, azimuth], pass) = (angles(twin.view(c.view)), verdicts(twin, c));
                 serde_json::json!({
                     "tilt_deg": tilt, "azimuth_deg": azimuth, "sigma_per_um": twin.sigma(c.sigma),
                     "twin": c.twin, "twin_se": twin.standard_errors(c.view, c.sigma), "model": c.model,
@@ -76,7 +105,7 @@ pub fn run(cli: &Cli, args: &CheckArgs) -> Outcome {
             )?;
             for c in &all {
                 let [tilt, azimuth] = angles(twin.view(c.view));
-                let pass = verdicts(&twin, c);
+                let pass = verdicts(twin, c);
                 if cli.quiet && pass.iter().all(|v| *v) {
                     continue;
                 }

@@ -197,6 +197,7 @@ pub fn run(cli: &Cli, args: &InfoArgs) -> Outcome {
         Loaded::Fiber(t) => super::info_fiber::run(cli, &file, bytes, &t),
         Loaded::Speckle(p) => super::speckle_view::info(cli, &file, bytes, &p),
         Loaded::Family(family) => super::family::info(cli, &args.file, bytes, &family),
+        Loaded::Cloth(cloth) => super::cloth_file::info(cli, &args.file, bytes, *cloth),
         Loaded::Twin(twin) => super::twin::info(cli, &args.file, bytes, &twin),
     }
 }

@@ -5,6 +5,8 @@ pub mod check;
 pub mod check_cloth;
 pub mod check_filament;
 pub mod check_traced;
+mod cloth_file;
+mod cloth_spec;
 pub mod color;
 pub mod compare;
 pub mod diff;
@@ -23,6 +25,7 @@ pub mod noise;
 pub mod noise_view;
 pub mod plot;
 pub mod render;
+mod render_cloth;
 mod render_strands;
 pub mod runs;
 pub mod sample;
@@ -39,6 +42,7 @@ pub mod weave_cloth;
 use crate::args::{Cli, IncidenceArgs};
 use crate::failure::{Failure, Outcome};
 use crate::report::number;
+use plywave::cloth::ClothData;
 use plywave::fiber::FiberTable;
 use plywave::io::FileKind;
 use plywave::spec::YarnSpec;
@@ -62,6 +66,8 @@ pub enum Loaded {
     Twin(Box<ClothTwin>),
     /// A family of plies.
     Family(Box<PlyFamily>),
+    /// A cloth.
+    Cloth(Box<ClothData>),
 }
 
 /// Loads a file by what its header says it is, or a model by its name.
@@ -76,6 +82,7 @@ pub fn load_any(cli: &Cli, path: &Path) -> Outcome<Loaded> {
         FileKind::Speckle => Loaded::Speckle(Box::new(SpecklePatterns::load(path)?)),
         FileKind::Twin => Loaded::Twin(Box::new(ClothTwin::load(path)?)),
         FileKind::Family => Loaded::Family(Box::new(PlyFamily::load(path)?)),
+        FileKind::Cloth => Loaded::Cloth(Box::new(ClothData::load(path)?)),
     })
 }
 

@@ -63,6 +63,10 @@ impl Source {
                 let hint = "take a model out of it with `plywave family FAMILY --param KEY=VALUE` and plot that";
                 return Err(Failure::input(args.file.display(), "FILE", "a family of plies", hint));
             }
+            (Loaded::Cloth(_), ..) => {
+                let hint = "FILE is a cloth; leave --table and --model out";
+                return Err(Failure::input(args.file.display(), "FILE", "a cloth", hint));
+            }
             (Loaded::Twin(_), ..) => {
                 let hint = "twins have no figure; `plywave info` tells what it holds";
                 return Err(Failure::input(args.file.display(), "FILE", "the twin of a cloth", hint));
@@ -425,9 +429,9 @@ pub fn run(cli: &Cli, args: &PlotArgs) -> Outcome {
     let format = Format::from_path(&path)?;
     output::check_writable(&path, &inputs)?;
     absorptions(&args.sigma)?;
-    if kinds::kind_of(&args.file) == Some(Kind::Cloth) {
+    if matches!(kinds::kind_of(&args.file), Some(Kind::Cloth | Kind::ClothFile)) {
         if let Some(other) = others.into_iter().flatten().next() {
-            let hint = "FILE is a cloth spec; leave --table and --model out";
+            let hint = "FILE is a cloth; leave --table and --model out";
             return Err(Failure::input(args.file.display(), "FILE", other.display(), hint));
         }
         return super::weave_cloth::plot(cli, &args.file, &path, format);
@@ -462,7 +466,7 @@ pub fn run(cli: &Cli, args: &PlotArgs) -> Outcome {
                 let table = plywave::fiber::FiberTable::load(&args.file)?;
                 return write(cli, &path, format, &super::fiber_view::figure(&args.file, &table)?);
             }
-            FileKind::Table | FileKind::Model | FileKind::Twin | FileKind::Family => {}
+            FileKind::Table | FileKind::Model | FileKind::Twin | FileKind::Family | FileKind::Cloth => {}
         }
     }
     let source = Source::load(cli, args)?;

@@ -1,38 +1,20 @@
 //! `plywave render`: a fabric in a ready-made scene, or strands in their own, by the reference host.
 
 use super::color;
-use crate::args::{Cli, FabricPart, Integrator, RenderArgs, Scene};
+use crate::args::{Cli, FabricPart, Integrator, RenderArgs};
 use crate::failure::{Failure, Outcome};
+use crate::kinds;
 use crate::progress::STOP;
 use crate::rendering::{
-    About, Outputs, camera, camera_flags, check_flags, digest_of_bytes, digest_of_file, failed, film, shoot,
+    About, Outputs, camera, camera_flags, check_flags, digest_of_bytes, digest_of_file, failed, film, mesh_notes,
+    setup, shoot,
 };
-use crate::{kinds, report};
 use plywave::fabric::{
     Fabric, FabricModel, FabricOptions, FabricSpec, GapLight, LoadedFabric, Slits, WeaveSpec, YarnSet,
 };
 use plywave::gap::{SLIT_MAX_UM, SLIT_SHARE};
-use plywave_render::{Camera, Mesh, MeshNotes, RenderOptions, Setup, render};
+use plywave_render::{Camera, Mesh, RenderOptions, Setup, render};
 use std::path::{Path, PathBuf};
-
-impl From<Scene> for Setup {
-    fn from(scene: Scene) -> Setup {
-        match scene {
-            Scene::Front => Setup::Front,
-            Scene::Back => Setup::Back,
-            Scene::Drape => Setup::Drape,
-            Scene::Folds => Setup::Folds,
-            Scene::Swatch => Setup::Swatch,
-            Scene::Grazing => Setup::Grazing,
-            Scene::Furnace => Setup::Furnace,
-        }
-    }
-}
-
-/// The ready-made scene.
-fn setup(args: &RenderArgs) -> Scene {
-    args.setup.unwrap_or(Scene::Front)
-}
 
 /// What a render reads: names for people, and paths.
 fn inputs(args: &RenderArgs, spec: &FabricSpec, models: &[PathBuf]) -> Vec<(&'static str, PathBuf)> {
@@ -90,26 +72,6 @@ fn ingredients(
     Ok(list)
 }
 
-/// What was done to a mesh, a line each.
-fn mesh_notes(file: &Path, notes: &MeshNotes) -> Vec<String> {
-    let file = file.display();
-    let scale = report::number(notes.mm_per_unit);
-    let mut lines =
-        vec![format!("{file}: scaled and centered, 1 unit is {scale} mm; --size-mm sets its largest extent")];
-    for (faces, done, what) in [
-        (notes.equal, "left out", "equal to another"),
-        (notes.flat, "left out", "without area in single precision"),
-        (notes.crossed, "triangulated as far as possible", "crossing itself"),
-    ] {
-        if faces.count > 0 {
-            let (counted, first) = (report::counted(faces.count as u64, "face", "faces"), faces.first);
-            let which = if faces.count > 1 { "the first is " } else { "" };
-            lines.push(format!("{file}: {done} {counted} {what}: {which}face {first} (line {})", faces.line));
-        }
-    }
-    lines
-}
-
 /// Lines of a picture that is worth the seconds in which the mean over the repeat is made.
 const FAR_LINES: u32 = 256;
 
@@ -149,6 +111,9 @@ pub fn run(cli: &Cli, args: &RenderArgs) -> Outcome {
     if kinds::kind_of(&args.fabric) == Some(kinds::Kind::StrandScene) {
         return super::render_strands::run(cli, args);
     }
+    if matches!(kinds::kind_of(&args.fabric), Some(kinds::Kind::Cloth | kinds::Kind::ClothFile)) {
+        return super::render_cloth::run(cli, args);
+    }
     if args.integrator == Some(Integrator::Dual) {
         let hint = "dual scattering is between strands and a fabric has none; give a scene of strands, or leave it out";
         return Err(Failure::input("command line", "--integrator", "dual", hint));
@@ -168,7 +133,8 @@ pub fn run(cli: &Cli, args: &RenderArgs) -> Outcome {
         slits: slits(args)?,
         far: false,
     };
-    let setup = Setup::from(setup(args));
+    let named = setup(args);
+    let setup = Setup::from(named);
     let size = args.size_mm.map_or(setup.size_mm(), |s| s as f32);
     let camera = camera(args, setup.camera(size))?;
     let far = !args.without.contains(&FabricPart::Far) && covers_repeats(&loaded.fabric, &camera, args.height);
@@ -206,7 +172,7 @@ pub fn run(cli: &Cli, args: &RenderArgs) -> Outcome {
     }
     let (scene, _) = setup.scene(size, mesh, sky);
     let render_options = RenderOptions { samples: args.samples, depth: args.depth, seed: args.seed };
-    let about = About { name, scene: format!("{:?}", crate::commands::render::setup(args)).to_lowercase(), notes };
+    let about = About { name, scene: format!("{named:?}").to_lowercase(), notes };
     shoot(cli, args, &outputs, &of, film, about, |film, after| {
         render(&scene, &camera, &fabric, film, &render_options, &STOP, after)
     })

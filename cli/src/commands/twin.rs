@@ -16,8 +16,8 @@ use std::time::Duration;
 pub fn run(cli: &Cli, args: &TwinArgs) -> Outcome {
     let refuse = |e| runs::failure(e, &args.spec);
     let source: TwinSource = if kinds::kind_of(&args.spec) == Some(Kind::Cloth) {
-        let (spec, made) = super::weave_cloth::make(cli, &args.spec)?;
-        let texts = super::weave_cloth::ply_specs(cli, &args.spec, &spec)?;
+        let (spec, made) = super::cloth_spec::make(cli, &args.spec)?;
+        let texts = super::cloth_spec::ply_specs(cli, &args.spec, &spec)?;
         TwinCurves::new(&spec.name, made.curves, texts).map_err(refuse)?.into()
     } else {
         let loaded = FabricSpec::load_file(&args.spec, &cli.library()?)?;

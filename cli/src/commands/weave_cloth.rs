@@ -1,19 +1,15 @@
 //! `plywave weave` of a cloth spec: the curves of its plies, and what a weaver would measure.
 
-use super::runs;
+use super::cloth_spec::{kind_name, make};
 use crate::args::{Cli, WeaveArgs};
 use crate::failure::{Failure, Outcome};
+use crate::kinds::{self, Kind};
 use crate::plot::{self, Format};
 use crate::{output, progress, report};
-use plywave::cloth::{ClothSpec, YarnOfCloth};
-use plywave_sim::cloth::{CurveFormat, MadeCloth, make_cloth, write_curves};
+use plywave::cloth::{ClothData, ClothSpec, YarnOfCloth};
+use plywave_sim::cloth::{CurveFormat, MadeCloth, measure, write_curves};
 use std::path::Path;
-use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
-
-/// Largest cloth spec, and largest file that it names [bytes].
-const MAX_SPEC_BYTES: u64 = 1 << 20;
-const MAX_BYTES: u64 = 256 << 20;
 
 /// Runs the command on a cloth spec.
 pub fn run(cli: &Cli, args: &WeaveArgs) -> Outcome {
@@ -26,18 +22,29 @@ pub fn run(cli: &Cli, args: &WeaveArgs) -> Outcome {
             "textures are made of fabric specs, this is a cloth spec",
         ));
     }
+    let is_cloth = args.output.as_ref().is_some_and(|path| path.extension().is_some_and(|e| e == "pwc"));
     let format = match &args.output {
         None => None,
+        Some(path) if is_cloth => {
+            output::check_writable(path, &[&args.fabric])?;
+            None
+        }
         Some(path) => {
             output::check_writable(path, &[&args.fabric])?;
             let format = CurveFormat::of(path);
-            let hint = "curves are written as .toml, .bcc or .tg3; name the file so";
+            let hint = "a cloth is written as .pwc, its curves as .toml, .bcc or .tg3; name the file so";
             Some(format.ok_or_else(|| Failure::input(path.display(), "-o", "its ending", hint))?)
         }
     };
+    // What is quickly refused comes before what takes seconds.
+    let models = is_cloth.then(|| super::cloth_file::models(cli, &args.fabric)).transpose()?;
     let begun = Instant::now();
     let (spec, made) = make(cli, &args.fabric)?;
     let time = begun.elapsed();
+    if let (Some(path), Some(models)) = (&args.output, models) {
+        let bytes = super::cloth_file::make(cli, &args.fabric, &spec, &made, &models)?.to_bytes()?;
+        progress::stoppable(|| output::write_whole(path, &bytes))?;
+    }
     if let (Some(path), Some(format)) = (&args.output, format) {
         progress::stoppable(|| output::write_whole(path, &write_curves(&made.curves, &spec.name, format)))?;
     }
@@ -46,11 +53,19 @@ pub fn run(cli: &Cli, args: &WeaveArgs) -> Outcome {
 
 /// `plywave plot` of a cloth spec: sections through it.
 pub fn plot(cli: &Cli, file: &Path, output: &Path, format: Format) -> Outcome {
-    let (spec, made) = make(cli, file)?;
-    let m = &made.measures;
+    let (name, curves, m) = if kinds::kind_of(file) == Some(Kind::ClothFile) {
+        let data = ClothData::load(file)?;
+        let spec = ClothSpec::parse(&data.spec_text, &file.display().to_string())?;
+        let lattice = data.curves.lattice("cloth")?;
+        let measures = measure(&data.curves, &lattice, &spec.yarns())?;
+        (spec.name, data.curves, measures)
+    } else {
+        let (spec, made) = make(cli, file)?;
+        (spec.name, made.curves, made.measures)
+    };
     let particulars =
         format!("{:.0} um thick, {:.1} % open, {:.0} g/m2", m.thickness_um, 100.0 * m.openness, m.mass_g_per_m2);
-    let figure = plot::cloth::sections(&spec.name, &particulars, &made.curves)?;
+    let figure = plot::cloth::sections(&name, &particulars, &curves)?;
     let bytes = format.encode(&figure, output)?;
     progress::stoppable(|| output::write_whole(output, &bytes))?;
     if cli.quiet {
@@ -60,54 +75,6 @@ pub fn plot(cli: &Cli, file: &Path, output: &Path, format: Format) -> Outcome {
     output::print(|out| {
         writeln!(out, "{}: {width} x {height}, {}", output.display(), report::bytes(bytes.len() as u64))
     })
-}
-
-/// Texts of the specs of a cloth's plies, by kind of yarn: of yarn specs that it names, or in its models.
-pub fn ply_specs(cli: &Cli, file: &Path, spec: &ClothSpec) -> Outcome<Vec<String>> {
-    let folder = file.parent().unwrap_or(Path::new(""));
-    let of = |(kind, yarn): (usize, &YarnOfCloth)| {
-        let key = format!("{}.model", kind_name(spec, kind as u32));
-        let Some(model) = &yarn.model else {
-            let hint = "name the model of its plies, or their yarn spec (.toml)";
-            return Err(Failure::input(file.display(), &key, "(absent)", hint));
-        };
-        let path = folder.join(model);
-        if path.extension().is_some_and(|e| e == "toml") {
-            return Ok(plywave::io::read_text(&path, MAX_SPEC_BYTES)?);
-        }
-        let path = if path.exists() { path } else { model.into() };
-        Ok(cli.library()?.load(&path)?.data().spec_text.clone())
-    };
-    spec.yarns().into_iter().enumerate().map(of).collect()
-}
-
-/// Reads a spec and makes its curves.
-pub fn make(cli: &Cli, file: &Path) -> Outcome<(ClothSpec, MadeCloth)> {
-    let text = plywave::io::read_text(file, MAX_SPEC_BYTES)?;
-    let name = file.display().to_string();
-    let spec = ClothSpec::parse(&text, &name)?;
-    progress::install_stop();
-    let folder = file.parent().unwrap_or(Path::new(""));
-    let mut read = |named: &str| plywave::io::read_file(folder.join(named), MAX_BYTES);
-    let go_on = || !progress::STOP.load(Ordering::SeqCst);
-    let made = progress::stoppable(|| make_cloth(&spec, &name, &mut read, &go_on));
-    let made = made.map_err(|e| match e {
-        plywave_sim::SimError::Stopped => Failure::Interrupted(e.to_string()),
-        other => runs::failure(other, file),
-    })?;
-    if !cli.quiet {
-        made.notes.iter().for_each(|note| eprintln!("note: {note}"));
-    }
-    Ok((spec, made))
-}
-
-/// What a kind of yarn is called.
-fn kind_name(spec: &ClothSpec, kind: u32) -> &'static str {
-    match (spec.weave.is_some(), kind) {
-        (true, 0) => "warp",
-        (true, _) => "weft",
-        _ => "yarn",
-    }
 }
 
 fn tell(cli: &Cli, path: Option<&Path>, spec: &ClothSpec, made: &MadeCloth, time: Duration) -> Outcome {
