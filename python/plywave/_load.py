@@ -38,7 +38,10 @@ def load(path: PathLike) -> "Union[Model, Fabric, Fiber, Table, Speckle, Twin, F
         return Fabric(name)
     if _NAME.fullmatch(name) and not os.path.exists(name):
         return Model(name)
-    return _CLASSES[_plywave.file_kind(name)](name)  # type: ignore[no-any-return]
+    kind = _plywave.file_kind(name)
+    if kind == "cloth":
+        raise Error(f"{name}: a cloth of curves (.pwc); `plywave render` takes it")
+    return _CLASSES[kind](name)  # type: ignore[no-any-return]
 
 
 def _sections(name: str) -> "set[str]":

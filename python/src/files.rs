@@ -1,6 +1,7 @@
 //! Files that are arrays to Python: read, checked, written.
 
 use crate::errors::{Failure, Outcome};
+use plywave::cloth::ClothData;
 use plywave::fiber::FiberTable;
 use plywave::io::{self, FileKind};
 use plywave::ply::{FamilyData, PlyData};
@@ -11,13 +12,14 @@ use pyo3::prelude::*;
 use pyo3::types::PyBytes;
 use std::path::PathBuf;
 
-const KINDS: [(&str, FileKind); 6] = [
+const KINDS: [(&str, FileKind); 7] = [
     ("table", FileKind::Table),
     ("model", FileKind::Model),
     ("fiber", FileKind::Fiber),
     ("speckle", FileKind::Speckle),
     ("twin", FileKind::Twin),
     ("family", FileKind::Family),
+    ("cloth", FileKind::Cloth),
 ];
 
 fn kind_of(name: &str) -> Outcome<FileKind> {
@@ -33,6 +35,7 @@ fn check(kind: FileKind, bytes: &[u8], name: &str) -> Outcome {
         FileKind::Speckle => SpecklePatterns::from_bytes(bytes, name).map(drop)?,
         FileKind::Twin => ClothTwin::from_bytes(bytes, name).map(drop)?,
         FileKind::Family => FamilyData::from_bytes(bytes, name).map(drop)?,
+        FileKind::Cloth => ClothData::from_bytes(bytes, name).map(drop)?,
     }
     Ok(())
 }
@@ -68,6 +71,7 @@ pub(crate) fn rewritten<'py>(py: Python<'py>, kind: &str, bytes: &[u8], name: &s
         FileKind::Speckle => SpecklePatterns::from_bytes(bytes, name)?.to_bytes(),
         FileKind::Twin => ClothTwin::from_bytes(bytes, name)?.to_bytes(),
         FileKind::Family => FamilyData::from_bytes(bytes, name)?.to_bytes(),
+        FileKind::Cloth => ClothData::from_bytes(bytes, name)?.to_bytes(),
     });
     Ok(PyBytes::new(py, &bytes?))
 }

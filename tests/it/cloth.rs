@@ -55,7 +55,7 @@ fn cloths_are_near_their_twins(name: &'static str) {
     let twin = ClothTwin::load(format!("{}/twins/{}.pwx", folder(), limits.name)).unwrap();
     // Light up to 60 degrees and beyond, L2 of the upper half alike, of the lower one.
     let (mut light, mut upper, mut lower) = ([0.0f64; 2], [0.0f64; 2], 0.0f64);
-    for c in compare(&fabric, &twin, &ComparisonOptions::default()) {
+    for c in compare(&*fabric, &twin, &ComparisonOptions::default()) {
         let steep = usize::from(twin.view(c.view)[2].abs() < 0.45);
         let passed = |l: &Light| l.transmitted + l.straight;
         let off = (c.model.reflected - c.twin.reflected).abs().max((passed(&c.model) - passed(&c.twin)).abs());

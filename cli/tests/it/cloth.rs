@@ -71,8 +71,9 @@ fn bad_cloths_are_refused_in_one_line() {
     refused(dir, &["weave", "plain.toml", "-o", "curves.obj"], &["curves.obj", ".toml, .bcc or .tg3"]);
     refused(dir, &["weave", "plain.toml", "--pixels", "4"], &["--pixels", "cloth spec"]);
     refused(dir, &["twin", "plain.toml", "--paths", "10"], &["warp.model", "(absent)"]);
-    refused(dir, &["render", "plain.toml"], &["plain.toml", "cloth spec"]);
-    assert!(!dir.join("curves.obj").exists());
+    refused(dir, &["render", "plain.toml"], &["plain.toml", "warp.model", "(absent)"]);
+    refused(dir, &["weave", "plain.toml", "-o", "plain.pwc"], &["plain.toml", "warp.model", "(absent)"]);
+    assert!(!dir.join("curves.obj").exists() && !dir.join("plain.pwc").exists());
 }
 
 /// The twin of a cloth traces the fibers of its curves.
@@ -101,4 +102,67 @@ fn twins_of_cloths_are_traced() {
     // Open by about a sixth; more between the fibers.
     let straight = said["views"][0]["straight"].as_f64().unwrap();
     assert!((0.1..0.4).contains(&straight), "{straight}");
+}
+
+/// Runs with a cache folder of its own; returns what went to stderr.
+fn with_cache(dir: &Path, args: &[&str]) -> (bool, String) {
+    let run = std::process::Command::new(env!("CARGO_BIN_EXE_plywave"))
+        .current_dir(dir)
+        .env("PLYWAVE_CACHE", dir.join("kept"))
+        .args(args)
+        .output()
+        .unwrap();
+    let told = String::from_utf8_lossy(&run.stdout) + String::from_utf8_lossy(&run.stderr);
+    (run.status.success(), told.into_owned())
+}
+
+/// A cloth goes into one file, which is described, drawn, rendered and held to a twin; of a spec the cloth is
+/// made once and kept.
+#[test]
+#[ignore = "slow: 33 s: a cloth is one file"]
+fn a_cloth_is_one_file() {
+    let shipped = Path::new(env!("CARGO_MANIFEST_DIR")).join("../fabrics/cloths");
+    let of = |name: &str| std::fs::read_to_string(shipped.join(name)).unwrap();
+    let folder = folder(&[
+        ("jersey.toml", of("jersey.toml")),
+        ("unmade.toml", of("jersey.toml").replace("cotton_single", "unmade")),
+    ]);
+    let dir = folder.path();
+    std::fs::create_dir(dir.join("plies")).unwrap();
+    for name in ["cotton_single.toml", "cotton_single.pwm"] {
+        std::fs::copy(shipped.join("plies").join(name), dir.join("plies").join(name)).unwrap();
+    }
+    std::fs::write(dir.join("plies/unmade.toml"), of("plies/cotton_single.toml")).unwrap();
+    refused(dir, &["weave", "unmade.toml", "-o", "x.pwc"], &["yarn.model", "plywave build"]);
+
+    let small = ["--setup", "swatch", "--width", "24", "--height", "16", "--samples", "2", "--no-exr"];
+    let render = |cloth: &str, png: &str| with_cache(dir, &[&["render", cloth, "-o", png], &small[..]].concat());
+    let (good, told) = render("jersey.toml", "a.png");
+    assert!(good && told.contains("the cloth was made and is kept in"), "{told}");
+    let kept: Vec<_> = std::fs::read_dir(dir.join("kept")).unwrap().map(|e| e.unwrap().path()).collect();
+    assert!(kept.len() == 1, "{kept:?}");
+    std::fs::copy(&kept[0], dir.join("jersey.pwc")).unwrap();
+    for (cloth, png) in [("jersey.toml", "b.png"), ("jersey.pwc", "c.png")] {
+        let (good, told) = render(cloth, png);
+        assert!(good && !told.contains("was made"), "{told}");
+        let pixels = ["a.png", png].map(|name| image::open(dir.join(name)).unwrap().into_rgb8());
+        assert_eq!(pixels[0], pixels[1]);
+    }
+    // A damaged one is made again.
+    std::fs::write(&kept[0], b"nothing").unwrap();
+    assert!(render("jersey.toml", "d.png").1.contains("was made"));
+
+    let said = json(&succeed(dir, &["info", "jersey.pwc", "--json"]));
+    assert_eq!((&said["kind"], &said["far"], &said["curves"]), (&"cloth".into(), &true.into(), &1.into()));
+    assert!(said["bytes"].as_u64().unwrap() < 8 << 20);
+    succeed(dir, &["plot", "jersey.pwc", "-o", "jersey.png"]);
+    let twin = ["--paths", "4000", "--views", "30:90", "--sigma", "0", "-o", "jersey.pwx", "-q"];
+    succeed(dir, &[&["twin", "jersey.toml"], &twin[..]].concat());
+    let text = with_cache(dir, &["check", "jersey.pwc", "--twin", "jersey.pwx"]).1;
+    assert!(text.contains("twin / model") && text.contains("30.0"), "{text}");
+    std::fs::write(dir.join("loose.toml"), of("jersey.toml").replace("loop_mm = 2.7", "loop_mm = 2.9")).unwrap();
+    let (good, told) = with_cache(dir, &["check", "loose.toml", "--twin", "jersey.pwx"]);
+    assert!(!good && told.contains("not the twin's"), "{told}");
+    refused(dir, &["weave", "jersey.pwc"], &["jersey.pwc", "a cloth (.pwc)"]);
+    refused(dir, &["render", "jersey.pwc", "--slit-um", "2"], &["--slit-um", "cloths of curves"]);
 }

@@ -26,6 +26,8 @@ use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet};
 use std::f64::consts::TAU;
 
+/// Difference of two numbers of the same cloth, over them.
+const SAME: f64 = 1e-6;
 /// Largest difference of a curve's radius from its ply's, over it.
 const MAX_RADIUS_OFF: f64 = 0.02;
 /// Most vectors of the cell along a side of the least rectangle.
@@ -134,6 +136,31 @@ impl TwinCurves {
     pub fn parse(text: &str) -> Option<Result<TwinCurves, SimError>> {
         let Text { name, curves, yarns } = serde_json::from_str(text).ok()?;
         Some(TwinCurves::new(&name, curves, yarns))
+    }
+
+    /// What is not the same in a cloth of these curves and, by kind of yarn, texts of the specs of its plies;
+    /// `None` where all is.
+    pub fn difference(&self, curves: &ClothCurves, specs: &[String]) -> Option<&'static str> {
+        // Numbers come from a text.
+        let is_near = |a: f64, b: f64| (a - b).abs() <= SAME * (1.0 + a.abs());
+        let all_near = |a: &[f64], b: &[f64]| a.len() == b.len() && a.iter().zip(b).all(|(a, b)| is_near(*a, *b));
+        if !all_near(self.curves.cell_um.as_flattened(), curves.cell_um.as_flattened()) {
+            return Some("cell_um");
+        }
+        let same = |(a, b): (&PlyCurve, &PlyCurve)| {
+            a.yarn == b.yarn
+                && a.shift == b.shift
+                && is_near(a.radius_um, b.radius_um)
+                && all_near(a.control_um.as_flattened(), b.control_um.as_flattened())
+        };
+        let count = self.curves.curves.len() == curves.curves.len();
+        if self.curves.yarns != curves.yarns || !count || !self.curves.curves.iter().zip(&curves.curves).all(same) {
+            return Some("curves");
+        }
+        let others = specs.iter().map(|text| YarnSpec::parse(text, "yarn")).collect::<Result<Vec<_>, _>>();
+        let alike = |(a, b): (&YarnSpec, &YarnSpec)| (&a.fiber, &a.ply) == (&b.fiber, &b.ply);
+        let plies = others.is_ok_and(|o| o.len() == self.yarns.len() && o.iter().zip(&self.yarns).all(alike));
+        (!plies).then_some("plies")
     }
 
     /// Its text: all that the fibers depend on, except the seed.

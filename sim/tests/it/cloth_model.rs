@@ -1,0 +1,224 @@
+//! The cloth of curves as a surface: energy, reciprocity, samples, its file, and the mean over the cell.
+
+use plywave::bsdf::{Bsdf, BsdfSample};
+use plywave::cloth::{ClothData, ClothModel, ClothSpec};
+use plywave::fabric::FabricOptions;
+use plywave::{FabricQuery, PlyModel};
+use plywave_sim::cloth::make_cloth;
+use std::f32::consts::TAU;
+use std::sync::{Arc, LazyLock};
+
+fn made(name: &str, plies: &[&str], has_far: bool) -> ClothData {
+    let folder = format!("{}/../fabrics/cloths", env!("CARGO_MANIFEST_DIR"));
+    let text = std::fs::read_to_string(format!("{folder}/{name}.toml")).unwrap();
+    let spec = ClothSpec::parse(&text, name).unwrap();
+    let made = make_cloth(&spec, name, &mut |file| panic!("{file} is not to be read"), &|| true).unwrap();
+    let models: Vec<Arc<PlyModel>> =
+        plies.iter().map(|ply| Arc::new(PlyModel::load(format!("{folder}/plies/{ply}.pwm")).unwrap())).collect();
+    ClothData::make(&text, name, &made.curves, &models, has_far, |_| Ok(())).unwrap()
+}
+
+/// A knit, and a woven cloth of plied yarns.
+static JERSEY: LazyLock<ClothData> = LazyLock::new(|| made("jersey", &["cotton_single"], true));
+static ORGANZA: LazyLock<ClothData> = LazyLock::new(|| made("organza", &["silk_single"; 2], false));
+
+/// An even sequence.
+fn even(k: usize, step: f64) -> f32 {
+    (0.5 + k as f64 * step).fract() as f32
+}
+
+fn direction(z: f32, turn: f32) -> [f32; 3] {
+    let (sin, cos) = (TAU * turn).sin_cos();
+    let across = (1.0 - z * z).max(0.0).sqrt();
+    [across * cos, across * sin, z]
+}
+
+/// Of the sphere.
+fn any(k: usize) -> [f32; 3] {
+    direction(2.0 * even(k, 0.754_877_666) - 1.0, even(k, 0.569_840_291))
+}
+
+fn place(k: usize) -> [f32; 2] {
+    [9e3 * even(k, 0.819_172_513), 9e3 * even(k, 0.671_043_606)]
+}
+
+fn query<const N: usize>(at: [f32; 2], wo: [f32; 3], sigma: [f32; N]) -> FabricQuery<'static, N> {
+    FabricQuery { sigma_per_um: [Some(sigma); 2], ..FabricQuery::new(at, wo, [0.55; N]) }
+}
+
+/// Clear fibers neither lose nor make light, by the direction of the viewer and by that of the light, which
+/// the model's sums over plies do not know of.
+#[test]
+fn clear_cloths_conserve_energy() {
+    const PLACES: usize = 400;
+    const DIRECTIONS: usize = 256;
+    for (name, data) in [("jersey", &*JERSEY), ("organza", &*ORGANZA)] {
+        let cloth = ClothModel::from_data(data.clone(), &FabricOptions::RAYS).unwrap();
+        for z in [0.95f32, 0.6, -0.6, 0.3, 0.15, 0.05] {
+            let (mut by_view, mut by_light) = (0.0f64, 0.0f64);
+            for k in 0..PLACES {
+                let w = direction(z, even(k, 0.618_034));
+                let at = cloth.at(&query(place(k), w, [0.0]));
+                let straight = f64::from(at.straight()[0]);
+                by_view += straight;
+                by_light += straight;
+                let weight = f64::from(2.0 * TAU) / DIRECTIONS as f64;
+                for i in 0..DIRECTIONS {
+                    let b = any(i + 31 * k);
+                    by_view += weight * f64::from(at.eval(b)[0]);
+                    if i % 8 == 0 {
+                        // Light from w that leaves towards b: f holds the cosine at the light.
+                        let f = f64::from(cloth.at(&query(place(k), b, [0.0])).eval(w)[0]);
+                        by_light += 8.0 * weight * f * f64::from(b[2].abs() / z.abs());
+                    }
+                }
+            }
+            let [by_view, by_light] = [by_view, by_light].map(|e| e / PLACES as f64);
+            println!("{name}, cosine {z}: energy by view {by_view:.4}, by light {by_light:.4}");
+            assert!((by_view - 1.0).abs() < 0.04, "{name}, cosine {z}: {by_view} by view");
+            assert!((by_light - 1.0).abs() < 0.05, "{name}, cosine {z}: {by_light} by light");
+        }
+    }
+}
+
+/// Samples have the density that is told, weights are f over it, and their mean is the integral of f.
+#[test]
+fn samples_follow_their_density() {
+    for data in [&*JERSEY, &*ORGANZA] {
+        let cloth = ClothModel::from_data(data.clone(), &FabricOptions::default()).unwrap();
+        for k in 0..24 {
+            let wo = direction([0.9, 0.5, 0.1, -0.7][k % 4], even(k, 0.3));
+            let at = cloth.at(&query(place(k), wo, [0.0, 0.004, 0.02]));
+            let outcomes = at.outcomes();
+            const SAMPLES: usize = 4096;
+            let (mut inside, mut weights) = (0usize, [0.0f64; 3]);
+            // How many samples go up, by count and by the integral of the density; the integral of f.
+            let (mut up, mut all) = (0.0f64, [0.0f64; 3]);
+            for i in 0..SAMPLES {
+                let u = [0.819_172_513, 0.671_043_606, 0.549_700_478].map(|step| even(i, step));
+                if let BsdfSample::Scattered(s) = at.sample(u) {
+                    let (f, pdf) = at.eval_pdf(s.w);
+                    assert!((pdf / s.pdf - 1.0).abs() < 2e-3, "{pdf} {}", s.pdf);
+                    for n in 0..3 {
+                        assert!((f[n] / pdf - s.weight[n]).abs() <= 3e-3 * s.weight[n].max(1e-3), "{f:?} {pdf}");
+                        weights[n] += f64::from(s.weight[n]) / SAMPLES as f64;
+                    }
+                    inside += usize::from(s.w[2] > 0.0);
+                }
+                let w = any(i);
+                let (f, pdf) = at.eval_pdf(w);
+                let per = f64::from(2.0 * TAU) / SAMPLES as f64;
+                up += if w[2] > 0.0 { f64::from(pdf) * per } else { 0.0 };
+                (0..3).for_each(|n| all[n] += f64::from(f[n]) * per);
+            }
+            assert!((outcomes.scattered + outcomes.straight + outcomes.absorbed - 1.0).abs() < 1e-4);
+            let drawn = inside as f64 / SAMPLES as f64;
+            assert!((drawn - up).abs() < 0.04 * (0.2 + up), "{k}: {drawn} drawn up, {up} by the density");
+            for (weight, all) in weights.iter().zip(all) {
+                assert!((weight - all).abs() < 0.04 * (0.2 + all), "{k}: weights {weights:?}, integral {all:?}");
+            }
+        }
+    }
+}
+
+/// A file gives the same cloth, bit by bit; the file of a damaged or foreign one is refused in one line.
+#[test]
+fn files_hold_the_cloth() {
+    let bytes = JERSEY.to_bytes().unwrap();
+    assert!(bytes.len() < 8 << 20, "{} bytes", bytes.len());
+    let read = ClothData::from_bytes(&bytes, "jersey.pwc").unwrap();
+    assert_eq!(read.to_bytes().unwrap(), bytes);
+    let options = FabricOptions { far: true, ..FabricOptions::default() };
+    let [a, b] = [JERSEY.clone(), read].map(|data| ClothModel::from_data(data, &options).unwrap());
+    for k in 0..200 {
+        let at = FabricQuery { footprint_um: [0.0, 600.0, 3000.0][k % 3], ..FabricQuery::rgb(place(k), any(k)) };
+        assert_eq!(a.at(&at).eval_pdf(any(k + 7)), b.at(&at).eval_pdf(any(k + 7)));
+    }
+    for cut in [0, 7, 100, 5000, bytes.len() - 1] {
+        let message = ClothData::from_bytes(&bytes[..cut], "cut.pwc").unwrap_err().to_string();
+        assert!(message.contains("cut.pwc") && message.lines().count() == 1, "{message}");
+    }
+    let newer = String::from_utf8_lossy(&bytes[..400]).find("version\\\":1").unwrap();
+    let mut other = bytes.clone();
+    other[newer + 10] = b'9';
+    let message = ClothData::from_bytes(&other, "newer.pwc").unwrap_err().to_string();
+    assert!(message.contains("version") && message.lines().count() == 1, "{message}");
+    for k in 0..64 {
+        // A flipped byte is refused or shades.
+        let mut other = bytes.clone();
+        let at = (other.len() - 1) * k / 63;
+        other[at] ^= 0x55;
+        if let Ok(data) = ClothData::from_bytes(&other, "flipped.pwc")
+            && let Ok(cloth) = ClothModel::from_data(data, &options)
+        {
+            let _ = cloth.at(&FabricQuery::rgb(place(k), any(k))).eval(any(k + 3));
+        }
+    }
+}
+
+/// The mean over the cell is that of many places.
+#[test]
+fn the_mean_is_that_of_places() {
+    let options = FabricOptions { far: true, ..FabricOptions::RAYS };
+    let cloth = ClothModel::from_data(JERSEY.clone(), &options).unwrap();
+    const PLACES: usize = 1500;
+    for (i, wo) in
+        [direction(0.9, 0.1), direction(0.6, 0.33), direction(-0.5, 0.7), direction(0.25, 0.02)].iter().enumerate()
+    {
+        let far = cloth.at(&FabricQuery { footprint_um: 1e4, ..query([0.0; 2], *wo, [0.0, 0.005]) });
+        assert!(far.far_share() == 1.0);
+        let lights: Vec<[f32; 3]> = (0..48).map(|k| any(k + 48 * i)).collect();
+        let mut means = vec![[0.0f64; 2]; lights.len()];
+        for k in 0..PLACES {
+            let at = cloth.at(&query(place(k), *wo, [0.0, 0.005]));
+            for (mean, w) in means.iter_mut().zip(&lights) {
+                let f = at.eval(*w);
+                (0..2).for_each(|n| mean[n] += f64::from(f[n]) / PLACES as f64);
+            }
+        }
+        let (mut off, mut all) = (0.0, 0.0);
+        for (mean, w) in means.iter().zip(&lights) {
+            let f = far.eval(*w);
+            for n in 0..2 {
+                off += (f64::from(f[n]) - mean[n]).powi(2);
+                all += mean[n].powi(2);
+            }
+        }
+        let off = (off / all).sqrt();
+        println!("view {wo:?}: {off:.3}");
+        assert!(off < 0.08, "view {wo:?}: {off}");
+    }
+}
+
+/// No query fails: places and directions that are none, absorptions out of range.
+#[test]
+fn any_query_is_answered() {
+    let cloth =
+        ClothModel::from_data(ORGANZA.clone(), &FabricOptions { noise: true, ..FabricOptions::default() }).unwrap();
+    let odd = [0.0f32, -0.0, 1e-30, 1.0, 1e9, 1e38, f32::INFINITY, f32::NAN];
+    for (i, x) in odd.iter().enumerate() {
+        for (j, z) in odd.iter().enumerate() {
+            let wo = [odd[(i + j) % 8], *x, *z];
+            let at = cloth.at(&query([*x, 40.0 * *z], wo, [*x, 0.01, *z]));
+            let (f, pdf) = at.eval_pdf(any(i + 8 * j));
+            assert!(
+                f.iter().all(|f| f.is_finite() && *f >= 0.0) && pdf.is_finite() && pdf >= 0.0,
+                "{wo:?}: {f:?} {pdf}"
+            );
+            let _ = at.sample([*x, *z, 0.3]);
+        }
+    }
+}
+
+/// Models of other plies, and too few of them, are refused.
+#[test]
+fn foreign_models_are_refused() {
+    let cotton = JERSEY.models.clone();
+    let make = |models: &[Arc<PlyModel>]| {
+        ClothData::make(&ORGANZA.spec_text, "x", &ORGANZA.curves, models, false, |_| Ok(())).unwrap_err().to_string()
+    };
+    let message = make(&cotton);
+    assert!(message.contains("1 models") && message.lines().count() == 1, "{message}");
+    let message = make(&[cotton[0].clone(), cotton[0].clone()]);
+    assert!(message.contains("ply.radius_um") && message.contains("29.2") && message.lines().count() == 1, "{message}");
+}

@@ -1,0 +1,165 @@
+//! A cloth of curves beside its twin of explicit fibers, and the time of its parts.
+//!
+//! `cargo run --release -p plywave-studies --bin cloth_twin -- CLOTH.toml TWIN.pwx MODEL.pwm ..`
+
+use plywave::bsdf::Bsdf;
+use plywave::cloth::{ClothData, ClothModel, ClothSpec, ClothSurface};
+use plywave::fabric::FabricOptions;
+use plywave::twin::{ClothTwin, ComparisonOptions, compare};
+use plywave::{FabricModel, FabricQuery, PlyModel};
+use plywave_sim::cloth::make_cloth;
+use std::f32::consts::TAU;
+use std::sync::Arc;
+use std::time::Instant;
+
+fn main() -> Result<(), Box<dyn std::error::Error>> {
+    let files: Vec<String> = std::env::args().skip(1).collect();
+    let [file, twin, models @ ..] = files.as_slice() else { return Err("CLOTH TWIN MODEL..".into()) };
+    let spec = ClothSpec::parse(&std::fs::read_to_string(file)?, file)?;
+    let mut read = |name: &str| {
+        let hint = "curves and drafts in files are not read here".into();
+        Err(plywave::Error::Format { file: name.into(), what: "it is not read".into(), hint })
+    };
+    let mut begun = Instant::now();
+    let mut told = |what: &str| {
+        println!("{what}: {:.2} s", begun.elapsed().as_secs_f64());
+        begun = Instant::now();
+    };
+    let made = make_cloth(&spec, file, &mut read, &|| true)?;
+    told("curves");
+    let models: Vec<Arc<PlyModel>> =
+        models.iter().map(|m| Ok(Arc::new(PlyModel::load(m)?))).collect::<plywave::Result<_>>()?;
+    let options = FabricOptions { sigma_per_um: Some(0.0), ..FabricOptions::RAYS };
+    let text = std::fs::read_to_string(file)?;
+    let data = ClothData::make(&text, &spec.name, &made.curves, &models, false, |_| Ok(()))?;
+    told("cloth");
+    let bytes = data.to_bytes()?;
+    told("written");
+    let data = ClothData::from_bytes(&bytes, "cloth")?;
+    told("read");
+    let cloth = ClothModel::from_data(data, &options)?;
+    told("ready");
+    println!("{} KiB", cloth.memory_bytes() >> 10);
+    energy(&cloth);
+    told("energies");
+    speed(&cloth);
+    told("speed");
+    if let Ok(old) = std::env::var("OLD") {
+        println!("{old}");
+        speed(&FabricModel::load(old, &FabricOptions::RAYS)?);
+        told("speed of the fabric");
+    }
+    if let Ok(twin) = ClothTwin::load(twin) {
+        let places = std::env::var("PLACES").ok().and_then(|p| p.parse().ok()).unwrap_or(2048);
+        for c in compare(&cloth, &twin, &ComparisonOptions { places, directions: 1 }) {
+            let v = twin.view(c.view);
+            println!(
+                "view {:5.1}:{:4.0} sigma {:?}: R {:.4} {:.4} ({:+.4})  T {:.4} {:.4} ({:+.4})  straight {:.4} {:.4}  L2 {:.3} {:.3}",
+                v[2].acos().to_degrees(),
+                v[1].atan2(v[0]).to_degrees(),
+                twin.sigma(c.sigma)[0],
+                c.twin.reflected,
+                c.model.reflected,
+                c.model.reflected - c.twin.reflected,
+                c.twin.transmitted,
+                c.model.transmitted,
+                c.model.transmitted - c.twin.transmitted,
+                c.twin.straight,
+                c.model.straight,
+                c.upper,
+                c.lower,
+            );
+        }
+    }
+    told("twin");
+    Ok(())
+}
+
+/// Energy of clear fibers by light: of even light that comes from one direction, what leaves in all; and by
+/// view.
+fn energy(cloth: &ClothModel) {
+    const PLACES: usize = 512;
+    const DIRECTIONS: usize = 512;
+    for z in [1.0f32, 0.7, 0.4, 0.2, 0.1, 0.05] {
+        let (mut by_view, mut by_light, mut r) = (0.0f64, 0.0f64, 0.0f64);
+        for k in 0..PLACES {
+            let even = |step: f64| (0.5 + k as f64 * step).fract() as f32;
+            let at = [9e3 * even(0.754_877_666), 9e3 * even(0.569_840_291)];
+            let (sin, cos) = (TAU * even(0.618_034)).sin_cos();
+            let across = (1.0 - z * z).sqrt();
+            let w = [across * cos, across * sin, z];
+            let query = FabricQuery { sigma_per_um: [Some([0.0]); 2], ..FabricQuery::new(at, w, [0.55]) };
+            let bsdf = cloth.at(&query);
+            by_view += f64::from(bsdf.straight()[0]);
+            by_light += f64::from(bsdf.straight()[0]);
+            for i in 0..DIRECTIONS {
+                let even = |step: f64| (0.25 + (i + 31 * k) as f64 * step).fract() as f32;
+                let u = 2.0 * even(0.754_877_666) - 1.0;
+                let (sin, cos) = (TAU * even(0.569_840_291)).sin_cos();
+                let across = (1.0 - u * u).sqrt();
+                let b = [across * cos, across * sin, u];
+                let weight = f64::from(2.0 * TAU / DIRECTIONS as f32);
+                let f = f64::from(bsdf.eval(b)[0]) * weight;
+                by_view += f;
+                if u > 0.0 {
+                    r += f;
+                }
+                // Light from w, viewer at b: f(b -> w) with the cosine at w, over it, times that at b.
+                let query = FabricQuery { sigma_per_um: [Some([0.0]); 2], ..FabricQuery::new(at, b, [0.55]) };
+                if i % 8 == 0 {
+                    let f = f64::from(cloth.at(&query).eval(w)[0]);
+                    by_light += 8.0 * f * weight * f64::from(u.abs() / z);
+                }
+            }
+        }
+        let per = 1.0 / PLACES as f64;
+        println!("cosine {z}: energy by view {:.4}, by light {:.4}, R {:.4}", by_view * per, by_light * per, r * per);
+    }
+}
+
+/// Time of a query's parts [us]: of the place alone, with a sample, with an evaluation beside it.
+fn speed(cloth: &impl ClothSurface) {
+    const QUERIES: usize = 100_000;
+    let mut sum = 0.0;
+    let mut timed = |part: usize, flat: bool| {
+        let mut best = f64::INFINITY;
+        for _ in 0..3 {
+            let begun = Instant::now();
+            for k in 0..QUERIES {
+                let even = |step: f64| (0.5 + k as f64 * step).fract() as f32;
+                let at = [9e4 * even(0.754_877_666), 9e4 * even(0.569_840_291)];
+                let (sin, cos) = (TAU * even(0.618_034)).sin_cos();
+                let z = if flat { 0.9 } else { even(0.414_213_56).sqrt().max(0.05) };
+                let across = (1.0 - z * z).sqrt();
+                let query = FabricQuery {
+                    sigma_per_um: [Some([0.0, 0.003, 0.01, 0.02]); 2],
+                    ..FabricQuery::new(at, [across * cos, across * sin, z], [0.45, 0.5, 0.55, 0.6])
+                };
+                let bsdf = cloth.surface_at(&query);
+                sum += bsdf.straight()[0];
+                if part > 0 {
+                    let sample = bsdf.sample([even(0.31), even(0.47), even(0.83)]);
+                    if let Some(s) = sample.direction() {
+                        if part > 1 {
+                            let (f, pdf) = bsdf.eval_pdf([s.w[1], -s.w[0], s.w[2]]);
+                            sum += f[0] + pdf;
+                        }
+                        sum += s.w[0];
+                    }
+                }
+            }
+            best = f64::min(best, begun.elapsed().as_secs_f64() / QUERIES as f64);
+        }
+        1e6 * best
+    };
+    for flat in [true, false] {
+        let [place, sample, eval] = [0, 1, 2].map(|part| timed(part, flat));
+        println!(
+            "{}: place {place:.3} us, sample {:.3}, eval and pdf {:.3}; all {eval:.3}",
+            if flat { "cosine 0.9" } else { "views by their cosine" },
+            sample - place,
+            eval - sample
+        );
+    }
+    println!("({sum:.1})");
+}
