@@ -7,22 +7,27 @@
 
 mod curves;
 mod file;
+mod follow;
+mod grid;
 mod lattice;
 mod lines;
 mod make;
 mod model;
+mod plies;
 mod rules;
 mod shade;
 mod spec;
+mod surface;
 mod units;
 
 pub use curves::{ClothCurves, ClothYarn, CurvePoint, MAX_CURVE_POINTS, PlyCurve};
 pub use file::ClothData;
 pub use lattice::{Buckets, Lattice, whole_times};
 pub use lines::{ClothLines, LineHit, LineHits, MAX_HITS};
-pub use model::{ClothModel, ClothSurface};
+pub use model::ClothModel;
 #[doc(hidden)]
 pub use rules::CLOTH_RULES;
 pub(crate) use shade::ClothShade;
 pub use spec::{ClothSpec, ClothWeave, KnitSpec, SourceCurves, YarnOfCloth};
+pub use surface::ClothSurface;
 pub use units::Count;

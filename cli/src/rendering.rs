@@ -9,7 +9,7 @@ use crate::progress::{self, Bar};
 use crate::{output, report};
 use glam::Vec3;
 use plywave_render::{
-    Camera, Environment, Facts, Film, FilmView, Ingredients, MAX_SCATTERINGS, MeshNotes, RenderError, Setup, png,
+    Camera, Environment, Facts, Film, FilmView, Ingredients, MAX_SCATTERINGS, Mesh, MeshNotes, RenderError, Setup, png,
 };
 use sha2::{Digest, Sha256};
 use std::io::Read;
@@ -347,7 +347,7 @@ pub fn setup(args: &RenderArgs) -> Scene {
 }
 
 /// What was done to a mesh, a line each.
-pub fn mesh_notes(file: &Path, notes: &MeshNotes) -> Vec<String> {
+fn mesh_notes(file: &Path, notes: &MeshNotes) -> Vec<String> {
     let file = file.display();
     let scale = report::number(notes.mm_per_unit);
     let mut lines =
@@ -364,4 +364,12 @@ pub fn mesh_notes(file: &Path, notes: &MeshNotes) -> Vec<String> {
         }
     }
     lines
+}
+
+/// The mesh of the flags, of a largest extent [mm], with what was done to it.
+pub fn mesh(args: &RenderArgs, size: f32, notes: &mut Vec<String>) -> Outcome<Option<Mesh>> {
+    let Some(file) = &args.mesh else { return Ok(None) };
+    let (mesh, told) = Mesh::obj(file, 1000.0 * args.cloth_mm as f32, size).map_err(failed)?;
+    notes.extend(mesh_notes(file, &told));
+    Ok(Some(mesh))
 }

@@ -152,7 +152,7 @@ impl Document for ClothData {
         let points: Vec<f64> = self.curves.curves.iter().flat_map(|c| c.control_um.as_flattened()).copied().collect();
         w.f64("control_um", &[points.len() / 3, 3], &points);
         for (name, model) in MODELS.into_iter().zip(&self.models) {
-            // A model that is whole is written.
+            // Checked, so that it is written.
             let bytes = model.data().to_bytes().unwrap_or_default();
             w.u8(name, &[bytes.len()], &bytes);
         }
@@ -183,12 +183,18 @@ impl Document for ClothData {
         });
         let models = models.collect::<Result<Vec<_>>>()?;
         let points = r.f64("control_um", &r.shape("control_um", 2)?)?;
+        let rows_of_points = points.len() / 3;
         let mut points = points.as_chunks::<3>().0.iter().copied();
         let curves = keys.curves.iter().map(|c| {
             let control_um: Vec<[f64; 3]> = points.by_ref().take(c.points).collect();
             PlyCurve { yarn: c.yarn, radius_um: c.radius_um, shift: c.shift, control_um }
         });
         let curves = ClothCurves { cell_um: keys.cell_um, yarns: keys.yarns.clone(), curves: curves.collect() };
+        let wanted = keys.curves.iter().fold(0usize, |sum, c| sum.saturating_add(c.points));
+        if wanted != rows_of_points {
+            let value = format!("{rows_of_points} rows");
+            return Err(invalid(r.file(), "control_um", value, "expected as many as the curves have points"));
+        }
         curves.check(r.file())?;
         let shape = r.shape("shadow_free", 4)?;
         let free = r.u8("shadow_free", &[shape[0], 2 * ROWS, shadow::COLUMNS, LANES])?;
@@ -236,6 +242,9 @@ impl Document for ClothData {
     fn check(&self, name: &str) -> Result<()> {
         let c = Check(name);
         self.curves.check(name)?;
+        for (key, model) in MODELS.into_iter().zip(&self.models) {
+            model.data().check(&format!("{name} ({key})"))?;
+        }
         super::ClothSpec::parse(&self.spec_text, &format!("{name} (its spec)"))?;
         for side in &self.between.sides {
             c.range_f32("between_caught", side.caught.as_flattened().as_flattened(), -1e3, 1e3)?;

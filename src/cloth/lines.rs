@@ -1,25 +1,18 @@
 //! Lines through a cloth of curves: which plies a line hits, in order.
 //!
-//! Curves are cut into pieces of some 1.5 R, each a cubic with the curve's points and tangents at its ends.
-//! A grid over the cell lists, for each bucket, the pieces whose plies reach into it, in blocks of lanes. A
-//! line walks from bucket to bucket; in each it finds its distance to all chords there. Blocks in which one
-//! is near enough are refined by Newton's steps on `(p(u) - x - t w) . p'(u) = 0`, all lanes at once. A chord
+//! A line walks through the buckets of a grid (`grid.rs`); in each it finds its distance to the chords of the
+//! pieces of curve there. Blocks of pieces in which one is near enough are refined by Newton's steps on `(p(u) - x - t w) . p'(u) = 0`, all lanes at once. A chord
 //! counts in the bucket in which the line is nearest to it, a place on a curve in the piece that holds it:
 //! each hit is found once.
 
-use super::{ClothCurves, Lattice};
+use super::ClothCurves;
+use super::grid::{Block, Grid, LANES, Piece};
 use crate::Result;
+use crate::fabric::shadow::AxisAt;
 use crate::math::simd::{max, min};
 use crate::math::vec3::{cross, dot};
-use crate::spec::rules::invalid;
 use multiversion::multiversion;
 
-/// Length of a piece over its radius.
-const PIECE: f64 = 1.5;
-/// Side of a bucket over the mean radius.
-const BUCKET: f64 = 1.2;
-/// Chords that are tested at once.
-const LANES: usize = 8;
 /// Most hits of a line that are kept: the nearest.
 pub const MAX_HITS: usize = 24;
 /// Buckets that a line walks through at most: what grazes for longer counts as gone.
@@ -42,14 +35,6 @@ const ACROSS: f32 = 0.5;
 const MARGIN_UM: f32 = 1e-3;
 /// Share of light that is not followed.
 const MIN_LEFT: f32 = 3e-4;
-/// Most buckets of a cell.
-const MAX_BUCKETS: f64 = 65_536.0;
-/// Most pieces of a cloth.
-const MAX_PIECES: f64 = 5e5;
-/// Most buckets that all pieces together may reach into, and most pieces of a bucket on the average.
-const MAX_ENTRIES: f64 = 4e6;
-const MAX_SHARED: f64 = 2000.0;
-
 /// A ply that a line hits.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct LineHit {
@@ -66,6 +51,8 @@ pub struct LineHit {
     /// Signed distance of the line from the axis [um], positive where the axis lies along `w cross tangent`
     /// from the line.
     pub h_um: f32,
+    /// Latitude about the tangent of the direction that the line comes from [rad].
+    pub theta_i: f32,
     /// Unit tangent of the curve.
     pub tangent: [f32; 3],
     /// Place of the axis relative to the line's start [um].
@@ -112,31 +99,6 @@ impl LineHits {
     }
 }
 
-/// Pieces of a bucket, relative to the corner of its cell.
-#[derive(Clone, Copy, Debug)]
-struct Block {
-    /// `[power of u][axis][lane]`: points of the pieces, u from 0 to 1.
-    cubic: [[[f32; LANES]; 3]; 4],
-    /// From their first ends to their last, and the squared length of that.
-    chord: [[f32; LANES]; 3],
-    chord2: [f32; LANES],
-    /// Square of the distance from its chord within which a line may hit; negative in empty lanes.
-    reach2: [f32; LANES],
-    /// Heights between which a line may be nearest to the chords [um].
-    heights: [f32; 2],
-    piece: [u32; LANES],
-    /// Cells by which the piece is moved.
-    cells: [[i16; 2]; LANES],
-}
-
-/// A piece of a curve: from one parameter to the next.
-#[derive(Clone, Copy, Debug)]
-struct Piece {
-    curve: u32,
-    from: f32,
-    to: f32,
-}
-
 /// A curve: control points with one before and two after, so that each span has its four.
 #[derive(Clone, Debug)]
 struct Spline {
@@ -168,26 +130,11 @@ impl Spline {
     }
 }
 
-/// A place on a curve in single precision.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct PlaceOnCurve {
-    pub center_um: [f32; 3],
-    pub tangent: [f32; 3],
-    pub bend_per_um: [f32; 3],
-    pub radius_um: f32,
-}
-
 /// A cloth of curves, ready for lines.
 #[derive(Clone, Debug)]
 pub struct ClothLines {
-    cell: [[f32; 2]; 2],
-    inverse: [[f32; 2]; 2],
-    counts: [i32; 2],
-    first: Vec<u32>,
-    blocks: Vec<Block>,
-    pieces: Vec<Piece>,
+    grid: Grid,
     splines: Vec<Spline>,
-    half_thickness_um: f32,
     /// Largest radius [um].
     largest_um: f32,
 }
@@ -200,103 +147,7 @@ impl ClothLines {
     pub fn new(cloth: &ClothCurves) -> Result<ClothLines> {
         cloth.check("cloth")?;
         let lattice = cloth.lattice("cloth")?;
-        let mean = cloth.curves.iter().map(|c| c.radius_um).sum::<f64>() / cloth.curves.len() as f64;
-        let thickest = cloth.curves.iter().map(|c| c.radius_um).fold(0.0, f64::max);
-        let lengths: Vec<f64> = cloth.curves.iter().map(|c| c.length_um(&lattice)).collect();
-        let whole: f64 = lengths.iter().zip(&cloth.curves).map(|(l, c)| 1.0 + l / (PIECE * c.radius_um)).sum();
-        if whole > MAX_PIECES {
-            let hint = format!("use thicker or shorter curves: they have {whole:.1e} pieces, {MAX_PIECES:.0e} at most");
-            return Err(invalid("cloth", "curve.radius_um", format!("{mean:.3}"), hint));
-        }
-        // No more buckets than a cell of many yarns needs, nor than thick plies do.
-        let side = (BUCKET * mean).max(0.25 * thickest).max((lattice.area_um2() / MAX_BUCKETS).sqrt());
-        let widths = lattice.widths_um();
-        let counts = widths.map(|w| ((w / side).round() as i32).max(1));
-        let mut lists: Vec<Vec<(u32, [i32; 2])>> = vec![Vec::new(); (counts[0] * counts[1]) as usize];
-        let (mut pieces, mut cubics) = (Vec::new(), Vec::new());
-        let (mut half, mut entries) = (0.0f64, 0.0);
-        let most = MAX_ENTRIES.min(MAX_SHARED * lists.len() as f64);
-        for (index, curve) in cloth.curves.iter().enumerate() {
-            let knots = curve.control_um.len() as f64;
-            let count = (lengths[index] / (PIECE * curve.radius_um)).ceil().max(1.0);
-            for k in 0..count as usize {
-                let [u, v] = [k, k + 1].map(|k| k as f64 * knots / count);
-                let [p, q] = [u, v].map(|u| curve.at(&lattice, u).point_um);
-                // How far the curve leaves its chord.
-                let sag = (1..8)
-                    .map(|i| {
-                        let t = f64::from(i) / 8.0;
-                        let at = curve.at(&lattice, u + t * (v - u)).point_um;
-                        let off: [f64; 3] = std::array::from_fn(|k| at[k] - p[k] - t * (q[k] - p[k]));
-                        dot(off, off).sqrt()
-                    })
-                    .fold(0.0, f64::max);
-                let reach = curve.radius_um + 1.05 * sag + 1e-3 * curve.radius_um;
-                half = half.max(p[2].abs() + reach);
-                let piece = pieces.len() as u32;
-                pieces.push(Piece { curve: index as u32, from: u as f32, to: v as f32 });
-                let [d, e] = [u, v].map(|at| curve.at(&lattice, at).d_um.map(|d| d * (v - u)));
-                let way: [f64; 3] = std::array::from_fn(|k| q[k] - p[k]);
-                let cubic = [
-                    p,
-                    d,
-                    std::array::from_fn(|k| 3.0 * way[k] - 2.0 * d[k] - e[k]),
-                    std::array::from_fn(|k| d[k] + e[k] - 2.0 * way[k]),
-                ];
-                cubics.push((cubic, reach));
-                let range = range(&lattice, counts, [p, q], reach);
-                entries += range.iter().map(|[low, high]| f64::from(*high) - f64::from(*low) + 1.0).product::<f64>();
-                if entries > most {
-                    let hint = "use curves that wind less and are thinner: they reach into too much of the cell";
-                    return Err(invalid("cloth", "curve", format!("curve {}", index + 1), hint));
-                }
-                for (bucket, cells) in buckets(&lattice, counts, [p, q], reach, range) {
-                    lists[bucket].push((piece, cells));
-                }
-            }
-        }
-        let (mut first, mut blocks) = (vec![0], Vec::<Block>::new());
-        for list in &mut lists {
-            // From below: lines go through the height of few blocks.
-            let middle = |piece: u32| {
-                let c = cubics[piece as usize].0;
-                c[0][2] + 0.5 * (c[1][2] + c[2][2] + c[3][2])
-            };
-            list.sort_by(|a, b| middle(a.0).total_cmp(&middle(b.0)).then(a.cmp(b)));
-            for chunk in list.chunks(LANES) {
-                let mut block = Block {
-                    cubic: [[[0.0; LANES]; 3]; 4],
-                    chord: [[1.0; LANES]; 3],
-                    chord2: [3.0; LANES],
-                    reach2: [-1.0; LANES],
-                    heights: [f32::INFINITY, f32::NEG_INFINITY],
-                    piece: [0; LANES],
-                    cells: [[0; 2]; LANES],
-                };
-                block.cubic[1] = [[1.0; LANES]; 3];
-                for (lane, (piece, cells)) in chunk.iter().enumerate() {
-                    let (cubic, reach) = cubics[*piece as usize];
-                    let by = lattice.vector(*cells);
-                    for (power, c) in cubic.iter().enumerate() {
-                        for k in 0..3 {
-                            let move_by = if power == 0 && k < 2 { by[k] } else { 0.0 };
-                            block.cubic[power][k][lane] = (c[k] + move_by) as f32;
-                        }
-                    }
-                    let chord: [f64; 3] = std::array::from_fn(|k| cubic[1][k] + cubic[2][k] + cubic[3][k]);
-                    (0..3).for_each(|k| block.chord[k][lane] = chord[k] as f32);
-                    block.chord2[lane] = dot(chord, chord) as f32;
-                    let ends = [cubic[0][2], cubic[0][2] + chord[2]];
-                    block.heights[0] = block.heights[0].min((ends[0].min(ends[1]) - reach) as f32);
-                    block.heights[1] = block.heights[1].max((ends[0].max(ends[1]) + reach) as f32);
-                    block.reach2[lane] = (reach * reach) as f32;
-                    block.piece[lane] = *piece;
-                    block.cells[lane] = cells.map(|c| c as i16);
-                }
-                blocks.push(block);
-            }
-            first.push(blocks.len() as u32);
-        }
+        let grid = Grid::new(cloth, &lattice)?;
         let splines = cloth.curves.iter().map(|curve| {
             let n = curve.control_um.len();
             let way = lattice.vector(curve.shift);
@@ -308,23 +159,13 @@ impl ClothLines {
             });
             Spline { control: control.collect(), radius: curve.radius_um as f32, shift: curve.shift }
         });
-        let unit = [[1.0, 0.0], [0.0, 1.0]].map(|e| lattice.fractions(e[0], e[1]));
-        Ok(ClothLines {
-            cell: lattice.cell_um.map(|v| v.map(|v| v as f32)),
-            inverse: [0, 1].map(|k| [unit[0][k] as f32, unit[1][k] as f32]),
-            counts,
-            first,
-            blocks,
-            pieces,
-            splines: splines.collect(),
-            half_thickness_um: half as f32,
-            largest_um: thickest as f32,
-        })
+        let thickest = cloth.curves.iter().map(|c| c.radius_um).fold(0.0, f64::max);
+        Ok(ClothLines { grid, splines: splines.collect(), largest_um: thickest as f32 })
     }
 
     /// Height above which there is no ply [um].
     pub fn half_thickness_um(&self) -> f32 {
-        self.half_thickness_um
+        self.grid.half_thickness_um
     }
 
     /// Number of curves.
@@ -337,19 +178,20 @@ impl ClothLines {
         self.splines[curve].control.len() - 3
     }
 
-    /// The place at a parameter of a curve's period.
-    pub(crate) fn place(&self, curve: usize, parameter: f32) -> PlaceOnCurve {
+    /// Radius of a curve's ply [um].
+    pub(crate) fn radius_um(&self, curve: usize) -> f32 {
+        self.splines[curve].radius
+    }
+
+    /// The place at a parameter of a curve's period, which it holds.
+    pub(crate) fn axis_at(&self, curve: usize, parameter: f32) -> AxisAt<f32> {
         let spline = &self.splines[curve];
-        let (p, d, dd) = spline.at(parameter);
+        let (center_um, d, dd) = spline.at(parameter);
         let speed2 = dot(d, d);
-        let tangent = d.map(|d| d / speed2.sqrt());
-        let along = dot(dd, tangent);
-        PlaceOnCurve {
-            center_um: p,
-            tangent,
-            bend_per_um: std::array::from_fn(|k| (dd[k] - along * tangent[k]) / speed2),
-            radius_um: spline.radius,
-        }
+        let axis = d.map(|d| d / speed2.sqrt());
+        let along = dot(dd, axis);
+        let bend_per_um = std::array::from_fn(|k| (dd[k] - along * axis[k]) / speed2);
+        AxisAt { center_um, axis, bend_per_um, radius_um: spline.radius, of: parameter }
     }
 
     /// Length of a curve for a step of 1 of its parameter [um].
@@ -365,10 +207,7 @@ impl ClothLines {
 
     /// Bytes of memory.
     pub fn memory_bytes(&self) -> usize {
-        size_of_val(self.first.as_slice())
-            + size_of_val(self.blocks.as_slice())
-            + size_of_val(self.pieces.as_slice())
-            + self.splines.iter().map(|s| size_of_val(s.control.as_slice())).sum::<usize>()
+        self.grid.memory_bytes() + self.splines.iter().map(|s| size_of_val(s.control.as_slice())).sum::<usize>()
     }
 
     /// The plies that the line from `from` [um] in direction `w` (unit) hits before it leaves the cloth, by
@@ -391,47 +230,6 @@ impl ClothLines {
     }
 }
 
-/// First and last bucket along each vector that a dilated chord may reach into.
-fn range(lattice: &Lattice, counts: [i32; 2], [p, q]: [[f64; 3]; 2], reach: f64) -> [[i32; 2]; 2] {
-    let widths = lattice.widths_um();
-    let [f, g] = [p, q].map(|p| lattice.fractions(p[0], p[1]));
-    [0, 1].map(|k| {
-        let pad = reach / widths[k];
-        let per = f64::from(counts[k]);
-        [((f[k].min(g[k]) - pad) * per).floor() as i32, ((f[k].max(g[k]) + pad) * per).floor() as i32]
-    })
-}
-
-/// Buckets of a range that a dilated chord reaches into, each with the cells by which the chord is moved to
-/// be there.
-fn buckets(
-    lattice: &Lattice,
-    counts: [i32; 2],
-    [p, q]: [[f64; 3]; 2],
-    reach: f64,
-    range: [[i32; 2]; 2],
-) -> Vec<(usize, [i32; 2])> {
-    // Of the buckets in the range, those whose middle is near enough to the chord in the plane.
-    let [a, b] = lattice.cell_um;
-    let [x, y] = [0, 1].map(|k| [a[k] / f64::from(counts[0]), b[k] / f64::from(counts[1])]);
-    let diagonal = 0.5 * (x[0] + x[1]).hypot(y[0] + y[1]).max((x[0] - x[1]).hypot(y[0] - y[1]));
-    let mut all = Vec::new();
-    for i in range[0][0]..=range[0][1] {
-        for j in range[1][0]..=range[1][1] {
-            let [s, t] = [(i, counts[0]), (j, counts[1])].map(|(i, n)| (f64::from(i) + 0.5) / f64::from(n));
-            let m = [s * a[0] + t * b[0] - p[0], s * a[1] + t * b[1] - p[1]];
-            let d = [q[0] - p[0], q[1] - p[1]];
-            let along = ((m[0] * d[0] + m[1] * d[1]) / (d[0] * d[0] + d[1] * d[1]).max(1e-12)).clamp(0.0, 1.0);
-            if (m[0] - along * d[0]).hypot(m[1] - along * d[1]) > reach + diagonal {
-                continue;
-            }
-            let bucket = i.rem_euclid(counts[0]) * counts[1] + j.rem_euclid(counts[1]);
-            all.push((bucket as usize, [-i.div_euclid(counts[0]), -j.div_euclid(counts[1])]));
-        }
-    }
-    all
-}
-
 #[multiversion(targets(
     "x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+avx2+bmi1+bmi2+fma",
     "x86_64+avx2+bmi1+bmi2+fma"
@@ -445,7 +243,7 @@ fn walk<F: FnMut(&LineHit) -> f32>(
 ) {
     hits.count = 0;
     // The way until the line has left the cloth, and the way to where it comes in.
-    let half = cloth.half_thickness_um;
+    let half = cloth.grid.half_thickness_um;
     let per_z = 1.0 / if w[2].abs() < 1e-6 { 1e-6f32.copysign(w[2]) } else { w[2] };
     let [low, high] = [(-half - from[2]) * per_z, (half - from[2]) * per_z];
     let (begin, mut end) = (max(min(low, high), 0.0), max(low, high));
@@ -453,9 +251,9 @@ fn walk<F: FnMut(&LineHit) -> f32>(
         return;
     }
     // Fractions of the cell along the line.
-    let rate = cloth.inverse.map(|row| row[0] * w[0] + row[1] * w[1]);
-    let start = cloth.inverse.map(|row| row[0] * from[0] + row[1] * from[1]);
-    let counts = cloth.counts.map(|n| n as f32);
+    let rate = cloth.grid.inverse.map(|row| row[0] * w[0] + row[1] * w[1]);
+    let start = cloth.grid.inverse.map(|row| row[0] * from[0] + row[1] * from[1]);
+    let counts = cloth.grid.counts.map(|n| n as f32);
     let mut bucket = [0, 1].map(|k| ((start[k] + begin * rate[k]) * counts[k]).floor() as i32);
     let step = rate.map(|r| if r < 0.0 { -1 } else { 1 });
     let per_rate = rate.map(|r| if r.abs() < 1e-12 { f32::INFINITY } else { 1.0 / r });
@@ -468,28 +266,28 @@ fn walk<F: FnMut(&LineHit) -> f32>(
     for _ in 0..MAX_STEPS {
         let next = [border(bucket, 0), border(bucket, 1)];
         let leave = max(min(min(next[0], next[1]), end), at);
-        let here = [0, 1].map(|k| bucket[k].rem_euclid(cloth.counts[k]));
-        let cell = [0, 1].map(|k| bucket[k].div_euclid(cloth.counts[k]));
-        let [a, b] = cloth.cell;
+        let here = [0, 1].map(|k| bucket[k].rem_euclid(cloth.grid.counts[k]));
+        let cell = [0, 1].map(|k| bucket[k].div_euclid(cloth.grid.counts[k]));
+        let [a, b] = cloth.grid.cell;
         let [i, j] = cell.map(|c| c as f32);
         // The line's start, relative to the corner of this cell.
         let origin = [from[0] - i * a[0] - j * b[0], from[1] - i * a[1] - j * b[1], from[2]];
-        let number = (here[0] * cloth.counts[1] + here[1]) as usize;
+        let number = (here[0] * cloth.grid.counts[1] + here[1]) as usize;
         // A line of one bucket has no borders.
         let least = if at == begin { f32::NEG_INFINITY } else { at };
         let most = if leave >= last { f32::INFINITY } else { leave };
         let [z, z_to] = [at, leave].map(|way| from[2] + way * w[2]);
         let (low, high) = (min(z, z_to) - MARGIN_UM, max(z, z_to) + MARGIN_UM);
-        for block in &cloth.blocks[cloth.first[number] as usize..cloth.first[number + 1] as usize] {
+        for block in &cloth.grid.blocks[cloth.grid.first[number] as usize..cloth.grid.first[number + 1] as usize] {
             if block.heights[0] > high || block.heights[1] < low {
                 continue;
             }
             let Some(mut found) = near(block, origin, w, [least, most]) else { continue };
             refine(block, origin, w, &mut found);
             for l in 0..LANES {
-                let radius = cloth.splines[cloth.pieces[block.piece[l] as usize].curve as usize].radius;
+                let radius = cloth.splines[cloth.grid.pieces[block.piece[l] as usize].curve as usize].radius;
                 if found.counts[l] > 0.0 && found.h2[l] < radius * radius && (0.0..1.0).contains(&found.u[l]) {
-                    let mut hit = hit(cloth, &cloth.pieces[block.piece[l] as usize], &found, l, w);
+                    let mut hit = hit(cloth, &cloth.grid.pieces[block.piece[l] as usize], &found, l, w);
                     hit.cells = [0, 1].map(|k| i32::from(block.cells[l][k]) + cell[k]);
                     if hit.nearest_um >= 0.0 {
                         left *= passes(&hit);
@@ -642,6 +440,7 @@ fn hit(cloth: &ClothLines, piece: &Piece, near: &Near, l: usize, w: [f32; 3]) ->
         nearest_um: nearest,
         enter_um: nearest - ((radius * radius - h2) / sine2).sqrt(),
         h_um: h2.sqrt().copysign(dot(off, across)),
+        theta_i: min(max(-dot(w, tangent), -1.0), 1.0).asin(),
         tangent,
         center_um: p,
         bend_per_um: std::array::from_fn(|k| (dd[k] - along * tangent[k]) / speed2),
@@ -653,7 +452,7 @@ fn hit(cloth: &ClothLines, piece: &Piece, near: &Near, l: usize, w: [f32; 3]) ->
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::cloth::{ClothYarn, PlyCurve};
+    use crate::cloth::{ClothYarn, Lattice, PlyCurve};
     use crate::math::hash::SplitMix64;
     use std::f64::consts::TAU;
 

@@ -2,7 +2,9 @@
 
 use super::ClothCurves;
 use super::file::ClothData;
-use super::model::{ClothModel, ClothPaths, Laid};
+use super::follow::ClothPaths;
+use super::model::ClothModel;
+use super::plies::ClothPlies;
 use super::shade::ClothShadows;
 use crate::fabric::FabricOptions;
 use crate::fabric::between::InterYarn;
@@ -29,10 +31,10 @@ impl ClothData {
     ) -> Result<ClothData> {
         told("shadows")?;
         let models: Vec<Arc<PlyModel>> = models.iter().map(|m| Ok(Arc::new(m.of_lines()?))).collect::<Result<_>>()?;
-        let laid = Laid::new(curves, &models)?;
-        let shadows = ClothShadows::new(&laid.lines, &laid);
+        let plies = ClothPlies::new(curves, &models)?;
+        let shadows = ClothShadows::new(&plies.lines, &plies);
         told("light between plies")?;
-        let between = InterYarn::of(&ClothPaths { laid: &laid, shadows: &shadows });
+        let between = InterYarn::of(&ClothPaths { plies: &plies, shadows: &shadows });
         let mut data = ClothData {
             spec_text: spec_text.into(),
             name: name.into(),

@@ -4,13 +4,11 @@
 //! It is tabulated for each curve of the cell over the place along it, the offset from its axis and the
 //! direction, by lines followed through the cloth. The numbers of a place are those of `fabric/shadow.rs`.
 
-use super::lines::{ClothLines, LineHit, LineHits, PlaceOnCurve};
-use crate::fabric::shadow::{ALL_FREE, BANDS, COLUMNS, LANES, MAX_SHARE, OFFSETS, ROWS, ShadowsAt, Toward, free, z_of};
+use super::lines::{ClothLines, LineHit, LineHits};
+use crate::fabric::shadow::{ALL_FREE, COLUMNS, LANES, ROWS, ShadowsAt, Toward, fill_row, free};
 use crate::math::hash::SplitMix64;
-use crate::math::vec3::{cross, dot};
 use crate::math::{floor_fraction, parallel};
 use crate::ply::{EXIT_KINDS, ExitLine};
-use std::f32::consts::TAU;
 
 /// Length of ply between two places, over its radius.
 const STEP: f32 = 1.5;
@@ -49,11 +47,11 @@ pub(crate) struct ClothShadows {
 
 /// What a cloth says of the light that passes its plies.
 pub(crate) trait PassesPlies: Sync {
-    /// Fraction of a line that passes the ply it hits; `d` is the line's direction.
-    fn r_d(&self, hit: &LineHit, d: [f32; 3]) -> f32;
+    /// Fraction of a line that passes the ply it hits.
+    fn r_d(&self, hit: &LineHit) -> f32;
 
     /// About that fraction, found sooner.
-    fn passes(&self, hit: &LineHit, d: [f32; 3]) -> f32;
+    fn passes(&self, hit: &LineHit) -> f32;
 }
 
 impl ClothShadows {
@@ -63,8 +61,7 @@ impl ClothShadows {
             let knots = lines.knots(curve);
             (0..knots).map(|k| lines.speed_um(curve, k as f32 + 0.5)).sum::<f32>()
         };
-        let wanted: Vec<f32> =
-            (0..lines.curves()).map(|c| length(c) / (STEP * lines.place(c, 0.0).radius_um)).collect();
+        let wanted: Vec<f32> = (0..lines.curves()).map(|c| length(c) / (STEP * lines.radius_um(c))).collect();
         let less = (MAX_PLACES / wanted.iter().sum::<f32>()).min(1.0);
         let (mut curves, mut places) = (Vec::new(), Vec::new());
         for (curve, wanted) in wanted.iter().enumerate() {
@@ -164,12 +161,6 @@ impl<'a> ClothShade<'a> {
     }
 }
 
-/// Where light in direction `b` leaves the tube about a place of a curve, from a point `p` in it [um]. Along
-/// the tube at most ten radii further.
-pub(crate) fn exit(center: [f32; 3], z: [f32; 3], radius: f32, p: [f32; 3], b: [f32; 3]) -> [f32; 3] {
-    crate::fabric::flight::exit(center, z, radius, p, b)
-}
-
 /// Whether a ply that a line from `from` hits is the one that it left: the same strand, near to the start.
 /// `own` is its curve with the cell of its image.
 pub(crate) fn is_own(lines: &ClothLines, hit: &LineHit, (curve, cells, parameter): (u32, [i32; 2], f32)) -> bool {
@@ -189,13 +180,7 @@ pub(crate) fn is_own(lines: &ClothLines, hit: &LineHit, (curve, cells, parameter
     (hit.parameter + turns as f32 * knots - parameter).abs() * hit.speed_um < OWN * hit.radius_um
 }
 
-/// One place: lines in every direction, from every offset.
-///
-/// Light leaves by lines that are even over the offset t from the axis, as from a straight ply. Of a bent
-/// one, of curvature kappa towards n, lines in direction b have the area
-/// `(sin - t kappa (b . B) / sin^2) ds dt`, B = axis cross n and sin that between b and the axis: more on the
-/// outer side of a bend, less on the inner one, nothing where it folds. What b is sent is in proportion, as
-/// what comes from there is, so each line counts by this area over that of a straight ply, `sin ds dt`.
+/// One place of a curve: its middle and width in the curve's parameter.
 fn fill(
     row: &mut [u8],
     (lines, passing): (&ClothLines, &impl PassesPlies),
@@ -205,52 +190,21 @@ fn fill(
 ) {
     let knots = lines.knots(curve) as f32;
     let mut rng = SplitMix64(0x7368_6164 ^ seed << 20);
-    let mut number = || rng.next_f64() as f32;
     let mut hits = LineHits::default();
-    for (i, entry) in row.chunks_exact_mut(LANES).enumerate() {
-        let (r, c) = (i / COLUMNS, i % COLUMNS);
-        let sign = if r < ROWS { 1.0 } else { -1.0 };
-        for (o, entry) in entry[..OFFSETS].iter_mut().enumerate() {
-            let mut free = 0.0;
-            for _ in 0..count {
-                let parameter = middle + width * (number() - 0.5);
-                let parameter = if parameter < 0.0 { parameter + knots } else { parameter };
-                let place = lines.place(curve, parameter);
-                let PlaceOnCurve { center_um, tangent, bend_per_um, radius_um } = place;
-                // A ply sends little light along itself, where much passes: directions are drawn by the sine.
-                let (b, x, sine) = loop {
-                    let band = r % ROWS;
-                    let z = sign * if band < BANDS { z_of(band as f32 + number()) } else { 1.0 };
-                    let (sin, cos) = (TAU * (c as f32 + number()) / COLUMNS as f32).sin_cos();
-                    let across = (1.0 - z * z).max(0.0).sqrt();
-                    let b = [across * cos, across * sin, z];
-                    let x = cross(b, tangent);
-                    let sine = dot(x, x).sqrt();
-                    if number() < sine {
-                        break (b, x, sine.max(1e-3));
-                    }
-                };
-                let t = ((o as f32 + number()) / OFFSETS as f32 * 2.0 - 1.0) * radius_um;
-                let area = 1.0 - t * dot(b, cross(tangent, bend_per_um)) / (sine * sine * sine);
-                if area <= 0.0 {
-                    continue;
-                }
-                let inner = std::array::from_fn(|i| center_um[i] + t / sine * x[i]);
-                let from = exit(center_um, tangent, radius_um, inner, b);
-                lines.hits_while(from, b, &mut hits, |hit| passing.passes(hit, b));
-                let mut passes = area.min(MAX_AREA);
-                for hit in hits.as_slice() {
-                    if !is_own(lines, hit, (curve as u32, [0; 2], parameter)) {
-                        passes *= passing.r_d(hit, b);
-                        if passes < MIN_FREE {
-                            passes = 0.0;
-                            break;
-                        }
-                    }
-                }
-                free += passes;
+    let at = |u: f32| {
+        let parameter = middle + width * (u - 0.5);
+        let parameter = if parameter < 0.0 { parameter + knots } else { parameter };
+        lines.axis_at(curve, parameter)
+    };
+    fill_row(row, (count, MAX_AREA), &mut || rng.next_f64() as f32, at, |parameter, from, b| {
+        lines.hits_while(from, b, &mut hits, |hit| passing.passes(hit));
+        let mut passes = 1.0;
+        for hit in hits.as_slice().iter().filter(|hit| !is_own(lines, hit, (curve as u32, [0; 2], *parameter))) {
+            passes *= passing.r_d(hit);
+            if passes < MIN_FREE {
+                return 0.0;
             }
-            *entry = (255.0 / MAX_SHARE * (free / count as f32).min(MAX_SHARE) + 0.5) as u8;
         }
-    }
+        passes
+    });
 }

@@ -9,8 +9,9 @@
 
 use super::YarnSet;
 use super::between::{BetweenAt, CLASSES_A_KIND};
-use super::far::FarAt;
-use super::hit::MAX_NEAR;
+use super::far::{FarAt, SIGMAS, Seen};
+use super::hit::{MAX_NEAR, position, unit};
+use super::query::FabricQuery;
 use super::shade::Shade;
 use super::shadow::Toward;
 use crate::bsdf::{DirectionSample, Outcomes};
@@ -20,16 +21,6 @@ use crate::math::clamp_unit;
 use crate::ply::{Cached, ExitsAt, LobeLight, Lobes, PlyOn, Uncached};
 use crate::{Bsdf, BsdfSample};
 use std::f32::consts::{PI, TAU};
-
-/// What light through the gaps does.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum GapLight {
-    /// It is diffracted by the aperture.
-    #[default]
-    Diffracted,
-    /// It goes straight on, as rays do: for comparison. [`Bsdf::straight`] is its energy.
-    Straight,
-}
 
 /// A direction of the fabric's frame in that of a ply.
 fn to_ply(frame: &[[f32; 3]; 3], w: [f32; 3]) -> [f32; 3] {
@@ -198,6 +189,38 @@ pub struct FabricBsdf<'a, const N: usize> {
     pub(crate) far: Option<(FarAt<'a, N>, f32)>,
 }
 
+impl<'a, const N: usize> FabricBsdf<'a, N> {
+    /// A query before it meets a ply, with its point [um] and its direction to the viewer in the frame of the
+    /// pattern; `far` is the mean over the repeat seen from there, if it takes part.
+    pub(crate) fn start(
+        query: &FabricQuery<'a, N>,
+        far: impl FnOnce([f32; 3]) -> Option<(FarAt<'a, N>, f32)>,
+    ) -> (Self, [f32; 2], [f32; 3]) {
+        let turned = query.turn_rad != 0.0 && query.turn_rad.is_finite();
+        let turn = if turned { [query.turn_rad.cos(), query.turn_rad.sin()] } else { [1.0, 0.0] };
+        let ([x, y], mut wo) = (query.position_um, unit(query.wo));
+        let mut at = [x, y];
+        if turned {
+            let p = to_pattern(turn, [x, y, 0.0]);
+            (at, wo) = ([p[0], p[1]], to_pattern(turn, wo));
+        }
+        let far = far(wo);
+        let bsdf = FabricBsdf {
+            main: None,
+            others: [const { None }; MAX_NEAR],
+            passes: Passes::Straight,
+            passing: if far.as_ref().is_some_and(|(_, share)| *share >= 1.0) { 0.0 } else { 1.0 },
+            between: BetweenAt::none(wo),
+            chances: [0.0; 3],
+            turn,
+            is_double: false,
+            aperture: None,
+            far,
+        };
+        (bsdf, position(at[0], at[1]), wo)
+    }
+}
+
 impl<const N: usize> FabricBsdf<'_, N> {
     /// Share of the mean over the repeat in the answer: 0 for a point, 1 for a footprint as large as the
     /// repeat.
@@ -214,24 +237,6 @@ impl<const N: usize> FabricBsdf<'_, N> {
     /// Whether two layers of yarns lie there.
     pub fn is_double(&self) -> bool {
         self.is_double
-    }
-
-    /// f of the plies of one kind of yarn towards `lights`, and the energies that they scatter by class.
-    pub(crate) fn of_kind(&self, kind: usize, lights: &[Toward]) -> (Vec<[f32; N]>, [[f32; N]; CLASSES_A_KIND]) {
-        let (mut f, mut first) = (vec![[0.0; N]; lights.len()], [[0.0; N]; CLASSES_A_KIND]);
-        let mut scatters = |class: usize, arrives: f32, energy: &[f32; N]| {
-            (0..N).for_each(|k| first[class % CLASSES_A_KIND][k] += arrives * energy[k]);
-        };
-        let is_of = |class: usize| class / CLASSES_A_KIND == kind;
-        if let Some(ply) = self.main.as_ref().filter(|ply| is_of(ply.class)) {
-            scatters(ply.class, ply.arrives, &ply.energy);
-            ply.add_all(lights, &mut f);
-        }
-        for ply in self.others.iter().flatten().filter(|ply| is_of(ply.class)) {
-            scatters(ply.class, ply.arrives, &ply.energy);
-            ply.prepared().add_all(lights, &mut f);
-        }
-        (f, first)
     }
 
     /// Sets the chances of all parts.
@@ -373,6 +378,32 @@ impl<const N: usize> FabricBsdf<'_, N> {
             return Some((w, None));
         }
         None
+    }
+}
+
+impl FabricBsdf<'_, SIGMAS> {
+    /// What a view sees of the plies of one kind of yarn towards `lights`, of absorptions at the nodes of the
+    /// mean.
+    pub(crate) fn seen(&self, kind: usize, lights: &[Toward]) -> Seen {
+        let mut seen = Seen {
+            f: vec![[0.0; SIGMAS]; lights.len()],
+            first: [[0.0; SIGMAS]; CLASSES_A_KIND],
+            passing: self.passing,
+            aperture: self.aperture,
+        };
+        let mut scatters = |class: usize, arrives: f32, energy: &[f32; SIGMAS]| {
+            (0..SIGMAS).for_each(|k| seen.first[class % CLASSES_A_KIND][k] += arrives * energy[k]);
+        };
+        let is_of = |class: usize| class / CLASSES_A_KIND == kind;
+        if let Some(ply) = self.main.as_ref().filter(|ply| is_of(ply.class)) {
+            scatters(ply.class, ply.arrives, &ply.energy);
+            ply.add_all(lights, &mut seen.f);
+        }
+        for ply in self.others.iter().flatten().filter(|ply| is_of(ply.class)) {
+            scatters(ply.class, ply.arrives, &ply.energy);
+            ply.prepared().add_all(lights, &mut seen.f);
+        }
+        seen
     }
 }
 

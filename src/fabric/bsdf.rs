@@ -7,24 +7,26 @@
 //! symmetric in wo and wi up to the ply models' own asymmetry, and energy is conserved either way
 //! (docs/explain/papers.md: departures from 7.1).
 
-use super::at::{FabricBsdf, GapLight, NearPly, Passes, by_family, to_pattern};
-use super::between::{BetweenAt, InterYarn, Yarns, class};
-use super::color_of::{self, ColorOf, Sheet};
+use super::at::{FabricBsdf, NearPly, Passes, by_family};
+use super::between::InterYarn;
+use super::color_of::{self, ColorOf};
 use super::dye::{Channels, Dye, colors_of, own_color, shares_of};
 use super::far::Far;
 use super::flight::Candidate;
+use super::follow::{Yarns, class};
 use super::hit::MAX_NEAR;
+use super::query::{FabricOptions, FabricQuery, GapLight, Slits};
 use super::shade::{Occlusion, Shade};
 use super::shadow::{Passing, Shadows};
-use super::{Fabric, FabricSpec, Gap, LoadedFabric, PlyHit, YarnColor, YarnSet};
-use crate::bsdf::DirectionSample;
-use crate::color::{AlbedoCurve, RGB_LAMBDA_UM};
+use super::{Fabric, Gap, LoadedFabric, PlyHit, YarnColor, YarnSet};
+use crate::cloth::ClothSurface;
+use crate::color::AlbedoCurve;
 use crate::fiber::Reflections;
 use crate::gap::{Axis, GapBsdf, Slit, Spectrum};
 use crate::ply::{Lobes, PlyOn};
 use crate::spec::{GaussianBeam, YarnSpec};
 use crate::speckle::Instance;
-use crate::{Bsdf, PlyModel, PlyQuery, Result};
+use crate::{PlyModel, PlyQuery, Result};
 use std::path::Path;
 use std::sync::Arc;
 
@@ -36,142 +38,6 @@ pub(super) const EDGES: usize = 32;
 /// Narrowest aperture [um]. What is narrower, a fraction of a wavelength, has its pattern: light goes
 /// everywhere.
 const MIN_APERTURE_UM: f32 = 0.1;
-
-/// Slits between the fibers of a yarn (Yu 2025, 7.3), [`Slit`], for those who want their colors.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Slits {
-    /// Their width [um], above 0 and at most [`crate::gap::SLIT_MAX_UM`].
-    pub width_um: f32,
-    /// Share of a ply's forward light that goes through them, 0 to 1; [`crate::gap::SLIT_SHARE`] in the
-    /// paper. At 0 there are none.
-    pub share: f32,
-}
-
-impl Slits {
-    /// No slits, whatever the spec has.
-    pub const NONE: Slits = Slits { width_um: 1.0, share: 0.0 };
-}
-
-/// How a fabric is shaded.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct FabricOptions {
-    /// Light through the gaps.
-    pub gaps: GapLight,
-    /// One absorption [1/um] at every wavelength for all yarns, in place of their colors; 0 for a white
-    /// furnace.
-    pub sigma_per_um: Option<f32>,
-    /// Speckle: every stretch of a ply as long as the beam's waist is wide has patterns of its own. Models
-    /// without noise stay smooth.
-    pub noise: bool,
-    /// The layer below catches what a ply sends on. Without, as a single layer: for comparison (Yu 2025, Fig.
-    /// 13).
-    pub layers: bool,
-    /// Yarns catch what their neighbors send back. Without, as the paper has it: for comparison.
-    pub shadowing: bool,
-    /// Light that passes beside a ply that the line meets is diffracted at its edge. Without, it goes
-    /// straight on.
-    pub edges: bool,
-    /// Slits between the fibers of all yarns, in place of those that the spec gives each family. They
-    /// diffract light where one layer of yarn lies, of points alone: the mean over the repeat does without.
-    pub slits: Option<Slits>,
-    /// The mean over the repeat is made ready, some seconds, for queries with a footprint
-    /// ([`FabricQuery::footprint_um`]). Without, footprints count as points.
-    pub far: bool,
-}
-
-impl FabricOptions {
-    /// All parts but speckle; the colors of the spec.
-    pub const SMOOTH: FabricOptions = FabricOptions {
-        gaps: GapLight::Diffracted,
-        sigma_per_um: None,
-        noise: false,
-        layers: true,
-        shadowing: true,
-        edges: true,
-        slits: None,
-        far: false,
-    };
-}
-
-impl FabricOptions {
-    /// Without diffraction, as ray optics has it: what a twin of explicit fibers traces.
-    pub const RAYS: FabricOptions =
-        FabricOptions { gaps: GapLight::Straight, edges: false, slits: Some(Slits::NONE), ..FabricOptions::SMOOTH };
-
-    /// The slits of a family's yarns: these, or else those of the spec; `None` where no light goes through
-    /// any.
-    pub fn slits_of(&self, spec: &FabricSpec, family: YarnSet) -> Option<Slits> {
-        self.slits.or_else(|| spec.yarn(family).slits()).filter(|slits| slits.share != 0.0)
-    }
-}
-
-impl Default for FabricOptions {
-    /// [`FabricOptions::SMOOTH`].
-    fn default() -> Self {
-        FabricOptions::SMOOTH
-    }
-}
-
-/// What fixes a shading point of a fabric, for N wavelengths or color channels. [`FabricQuery::new`] is the
-/// fabric as its spec has it; a point's own color, turn or models are options to set:
-/// `FabricQuery { turn_rad: 0.3, ..FabricQuery::new(..) }`.
-///
-/// ```
-/// use plywave::FabricQuery;
-///
-/// let spectral = FabricQuery::new([120.0, 40.0], [0.0, 0.6, 0.8], [0.45, 0.55, 0.65]);
-/// let turned = FabricQuery { turn_rad: 0.3, ..spectral };
-/// let rgb = FabricQuery::rgb([120.0, 40.0], [0.0, 0.6, 0.8]);
-/// # assert!(turned.turn_rad > rgb.turn_rad);
-/// ```
-#[derive(Clone, Copy, Debug)]
-pub struct FabricQuery<'a, const N: usize> {
-    /// Point in the plane of the fabric [um]: x along the weft, y along the warp.
-    pub position_um: [f32; 2],
-    /// Direction towards the viewer, unit, in the frame of the surface: z is the normal of the fabric's face.
-    pub wo: [f32; 3],
-    /// Wavelengths [um].
-    pub lambda_um: [f32; N],
-    /// What the N numbers of a color are.
-    pub channels: Channels,
-    /// The point's own absorptions of warp and weft [1/um], for textures and prints, in place of those of the
-    /// yarns' colors; a host gets them from
-    /// [`FabricModel::sigma_of_reflectance`].
-    pub sigma_per_um: [Option<[f32; N]>; 2],
-    /// Angle by which the pattern is turned about the normal at the point [rad], from x towards y. The
-    /// position is one of the turned pattern's plane, given in the surface's axes.
-    pub turn_rad: f32,
-    /// Ply models of warp and weft in place of the fabric's, made by [`PlyModel::of_lines`]; of the same ply
-    /// radius and number of plies.
-    pub models: [Option<&'a PlyModel>; 2],
-    /// Diameter of the part of the cloth that the point stands for [um], as of a pixel: from half a repeat on
-    /// the mean over the repeat takes part, and beyond a repeat it is all. 0 for a point. Fabrics loaded
-    /// without [`FabricOptions::far`], and points with models of their own, do without.
-    pub footprint_um: f32,
-}
-
-impl<const N: usize> FabricQuery<'_, N> {
-    /// The fabric as its spec has it, at a point [um] seen from `wo`, at wavelengths [um].
-    pub fn new(position_um: [f32; 2], wo: [f32; 3], lambda_um: [f32; N]) -> Self {
-        FabricQuery {
-            position_um,
-            wo,
-            lambda_um,
-            channels: Channels::Wavelengths,
-            sigma_per_um: [None; 2],
-            turn_rad: 0.0,
-            models: [None; 2],
-            footprint_um: 0.0,
-        }
-    }
-}
-
-impl FabricQuery<'_, 3> {
-    /// The fabric for a host that renders in linear sRGB: see [`Channels::LinearSrgb`].
-    pub fn rgb(position_um: [f32; 2], wo: [f32; 3]) -> Self {
-        FabricQuery { channels: Channels::LinearSrgb, ..FabricQuery::new(position_um, wo, RGB_LAMBDA_UM) }
-    }
-}
 
 /// A woven fabric, ready for shading.
 ///
@@ -360,7 +226,7 @@ impl FabricModel {
         }
         let mut rays = self.clone();
         rays.options = FabricOptions::RAYS;
-        color_of::curve(&rays, of, &even_sky)
+        color_of::curve(&color_of::Sheet { cloth: &rays, repeat_um: self.fabric.repeat_um() }, of, &even_sky)
     }
 
     /// Absorptions [1/um] with which the cloth has these reflectances, 0 to 1, at wavelengths or in linear
@@ -412,35 +278,15 @@ impl FabricModel {
     /// # }
     /// ```
     pub fn at<'a, const N: usize>(&'a self, query: &FabricQuery<'a, N>) -> FabricBsdf<'a, N> {
-        let turned = query.turn_rad != 0.0 && query.turn_rad.is_finite();
-        let turn = if turned { [query.turn_rad.cos(), query.turn_rad.sin()] } else { [1.0, 0.0] };
-        let ([x, y], mut wo) = (query.position_um, super::hit::unit(query.wo));
-        let mut position = [x, y];
-        if turned {
-            let p = to_pattern(turn, [x, y, 0.0]);
-            (position, wo) = ([p[0], p[1]], to_pattern(turn, wo));
-        }
-        let mut at = FabricBsdf {
-            main: None,
-            others: [const { None }; MAX_NEAR],
-            passes: Passes::Straight,
-            passing: 1.0,
-            between: BetweenAt::none(wo),
-            chances: [0.0; 3],
-            turn,
-            is_double: false,
-            aperture: None,
-            far: self.far_at(query, wo),
-        };
+        let (mut at, position, wo) = FabricBsdf::start(query, |wo| self.far_at(query, wo));
         if at.far_share() >= 1.0 {
-            at.passing = 0.0;
             return at;
         }
         let mut firsts = [(0, [0.0; N]); MAX_NEAR + 1];
         let (mut count, mut last_other) = (0, 0);
         let mut sigma = None;
         let mut gap = Gap::open(&self.fabric);
-        let mut flight = self.fabric.flight_through(super::hit::position(position[0], position[1]), wo);
+        let mut flight = self.fabric.flight_through(position, wo);
         while let Some(near) = flight.next_near() {
             let hit = &near.hit;
             let ply_query = self.ply_query(query, hit);
@@ -589,22 +435,9 @@ impl FabricModel {
     }
 }
 
-impl Sheet for FabricModel {
-    fn repeat_um(&self) -> [f64; 2] {
-        self.fabric.repeat_um()
-    }
-
-    fn sample<const N: usize>(
-        &self,
-        position_um: [f32; 2],
-        wo: [f32; 3],
-        sigma_per_um: [f32; N],
-        u: [f32; 3],
-    ) -> ([f32; N], Option<DirectionSample<N>>) {
-        let query =
-            FabricQuery { sigma_per_um: [Some(sigma_per_um); 2], ..FabricQuery::new(position_um, wo, [0.55; N]) };
-        let at = self.at(&query);
-        (at.straight(), at.sample(u).direction().copied())
+impl ClothSurface for FabricModel {
+    fn surface_at<'a, const N: usize>(&'a self, query: &FabricQuery<'a, N>) -> FabricBsdf<'a, N> {
+        self.at(query)
     }
 }
 

@@ -16,8 +16,9 @@
 //! R and T are means over places and samples of the fabric as it is shaded, clear fibers' scaled to lose
 //! nothing.
 
-use crate::bsdf::DirectionSample;
+use crate::cloth::ClothSurface;
 use crate::color::AlbedoCurve;
+use crate::{Bsdf, FabricQuery};
 use serde::{Deserialize, Serialize};
 
 /// Light that a color describes. In each meaning all yarns count as if they had it.
@@ -86,27 +87,17 @@ impl Light {
     }
 }
 
-/// A cloth as its colors need it.
-pub(crate) trait Sheet {
-    /// Size of its repeat [um].
-    fn repeat_um(&self) -> [f64; 2];
-
-    /// What goes straight on at a point [um] seen from `wo`, all yarns of these absorptions [1/um], and a
-    /// sample of the rest.
-    fn sample<const N: usize>(
-        &self,
-        position_um: [f32; 2],
-        wo: [f32; 3],
-        sigma_per_um: [f32; N],
-        u: [f32; 3],
-    ) -> ([f32; N], Option<DirectionSample<N>>);
+/// A cloth and the size of its repeat [um].
+pub(crate) struct Sheet<'a, C> {
+    pub cloth: &'a C,
+    pub repeat_um: [f64; 2],
 }
 
 /// R and T of one side, the face or the back: of views of the cosine given, or of the mean over views.
-fn light(sheet: &impl Sheet, is_face: bool, cosine: Option<f64>) -> Light {
+fn light(sheet: &Sheet<'_, impl ClothSurface>, is_face: bool, cosine: Option<f64>) -> Light {
     let sigma: [f32; NODES] = std::array::from_fn(|node| sigma_of(v_of(node)) as f32);
     // Plies of twisted yarns are met at every turn.
-    let [width, height] = sheet.repeat_um().map(|r| r * (1 + (20_000.0 / r) as usize) as f64);
+    let [width, height] = sheet.repeat_um.map(|r| r * (1 + (20_000.0 / r) as usize) as f64);
     let (mut r, mut t) = ([0.0; NODES], [0.0; NODES]);
     for k in 0..SAMPLES {
         // An even sequence of seven numbers (Roberts 2018).
@@ -118,10 +109,12 @@ fn light(sheet: &impl Sheet, is_face: bool, cosine: Option<f64>) -> Light {
         let wo = [(across * cos) as f32, (across * sin) as f32, up as f32];
         let at = [(width * even(0.757_533_810_0)) as f32, (height * even(0.690_562_028_7)) as f32];
         let u = [0.629_511_064_9, 0.573_857_473_2, 0.523_124_084_6].map(|step| even(step) as f32);
-        let (straight, sample) = sheet.sample(at, wo, sigma, u);
+        let query = FabricQuery { sigma_per_um: [Some(sigma); 2], ..FabricQuery::new(at, wo, [0.55; NODES]) };
+        let bsdf = sheet.cloth.surface_at(&query);
+        let (straight, sample) = (bsdf.straight(), bsdf.sample(u));
         for i in 0..NODES {
             t[i] += f64::from(straight[i]);
-            if let Some(sample) = &sample {
+            if let Some(sample) = sample.direction() {
                 let half = if sample.w[2] * wo[2] >= 0.0 { &mut r } else { &mut t };
                 half[i] += f64::from(sample.weight[i]);
             }
@@ -138,7 +131,7 @@ fn on_pile([r, t]: [f64; 2], [from_below_r, from_below_t]: [f64; 2], pile: f64) 
 }
 
 /// The curve of a meaning; of a cloth that is shaded by rays. `even_sky` is the curve of the first meaning.
-pub(crate) fn curve(sheet: &impl Sheet, of: ColorOf, even_sky: &AlbedoCurve) -> AlbedoCurve {
+pub(crate) fn curve(sheet: &Sheet<'_, impl ClothSurface>, of: ColorOf, even_sky: &AlbedoCurve) -> AlbedoCurve {
     match of {
         ColorOf::EvenSky => even_sky.clone(),
         ColorOf::Reflected => {

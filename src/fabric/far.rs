@@ -14,6 +14,7 @@
 //! the mean of many places. The mean is as reciprocal as the fabric.
 
 use super::between::{BetweenAt, CLASSES, CLASSES_A_KIND};
+use super::query::FabricQuery;
 use super::shadow::Toward;
 use crate::math::{clamp_unit, floor_fraction, parallel};
 use std::f32::consts::{FRAC_PI_2, PI, TAU};
@@ -135,6 +136,16 @@ fn q_of(theta_i: f32, theta_o: f32) -> f32 {
     // t^(2/3).
     let t = t.cbrt();
     STEPS as f32 * (1.0 + (t * t).copysign(off))
+}
+
+/// Share of the mean in a query's answer, seen from `wo`: none of a point and of models of its own, all beyond
+/// a repeat of this length [um].
+pub(crate) fn share<const N: usize>(query: &FabricQuery<'_, N>, wo: [f32; 3], repeat_um: f64) -> Option<f32> {
+    let t = (2.0 * query.footprint_um / repeat_um as f32 - 1.0).clamp(0.0, 1.0);
+    let share = t * t * (3.0 - 2.0 * t);
+    // Not a number is no footprint.
+    let counts = share > 0.0 && crate::frame::is_direction(wo) && query.models.iter().all(Option::is_none);
+    counts.then_some(share)
 }
 
 /// Node below `x` on an axis and the share of the next.

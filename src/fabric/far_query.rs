@@ -1,9 +1,9 @@
 //! The mean over the repeat at a query, and what its table sees of a fabric at a place.
 
-use super::at::GapLight;
 use super::between::CLASSES;
-use super::bsdf::{FabricModel, FabricQuery};
+use super::bsdf::FabricModel;
 use super::far::{self, FarAt, Mixed, Places, Runs, Seen};
+use super::query::{FabricQuery, GapLight};
 use super::shadow::Toward;
 
 impl FabricModel {
@@ -14,14 +14,9 @@ impl FabricModel {
         query: &FabricQuery<'a, N>,
         wo: [f32; 3],
     ) -> Option<(FarAt<'a, N>, f32)> {
-        let far = self.far.as_deref().filter(|_| query.models.iter().all(Option::is_none))?;
+        let far = self.far.as_deref()?;
         let [x, y] = self.fabric.repeat_um();
-        let t = (2.0 * query.footprint_um / x.max(y) as f32 - 1.0).clamp(0.0, 1.0);
-        let share = t * t * (3.0 - 2.0 * t);
-        // Not a number is no footprint.
-        if !(share > 0.0 && crate::frame::is_direction(wo)) {
-            return None;
-        }
+        let share = far::share(query, wo, x.max(y))?;
         let mut sigma = [Mixed::NONE; 2];
         for (k, sigma) in sigma.iter_mut().enumerate() {
             match query.sigma_per_um[k] {
@@ -57,8 +52,6 @@ impl Places for FabricModel {
         });
         let query =
             FabricQuery { sigma_per_um: [Some(far::SIGMA_PER_UM); 2], ..FabricQuery::new(at, wo, [0.55; far::SIGMAS]) };
-        let at = self.at(&query);
-        let (f, first) = at.of_kind(kind, lights);
-        Seen { f, first, passing: at.passing, aperture: at.aperture }
+        self.at(&query).seen(kind, lights)
     }
 }

@@ -325,30 +325,43 @@ fn pattern(fabric: &Fabric, family: YarnSet, yarn: i32, crossing: i32) -> usize 
     bits
 }
 
+/// Where the axis of a yarn or ply is that light leaves.
+pub(crate) struct AxisAt<T> {
+    pub center_um: [f32; 3],
+    /// Unit.
+    pub axis: [f32; 3],
+    /// Curvature vector [1/um].
+    pub bend_per_um: [f32; 3],
+    pub radius_um: f32,
+    /// Which it is.
+    pub of: T,
+}
+
 /// One place: lines in every direction, from every offset.
 ///
-/// The table's light leaves by lines that are even over the offset t from the yarn's axis, as from a straight
-/// yarn. Of a bent one, of curvature kappa towards n, lines in direction b have the area
+/// The table's light leaves by lines that are even over the offset t from the axis, as from a straight ply. Of
+/// a bent one, of curvature kappa towards n, lines in direction b have the area
 /// `(sin - t kappa (b . B) / sin^2) ds dt`, B = axis cross n and sin that between b and the axis: more on the
 /// outer side of a bend, less on the inner one, nothing where it folds. What b is sent is in proportion, as
-/// what comes from there is, so each line counts by this area over that of a straight yarn, `sin ds dt`. Of
-/// yarns of several plies, which turn from one side of a bend to the other, lines count alike: their light is
-/// conserved without (tests/it/cloth.rs).
-fn fill(row: &mut [u8], fabric: &Fabric, passing: &impl Passing, (id, place): (YarnId, i32), lines: usize) {
-    let k = id.family as usize;
-    let spacing = fabric.yarns[id.family.other() as usize].spacing;
-    let (radius, is_one) = (fabric.yarns[k].half_width, fabric.yarns[k].plies == 1);
-    let mut rng = SplitMix64((id.yarn as u64) << 32 ^ (place as u64) << 2 ^ id.family as u64);
-    let mut number = || rng.next_f64() as f32;
+/// what comes from there is, so each line counts by this area over that of a straight ply, `sin ds dt`, and by
+/// `largest_area` at most.
+///
+/// `place` gives the axis at a fraction, 0 to 1, of the place's length, `free` the share of the light of a line
+/// from a point of the wall in a direction that gets out.
+pub(crate) fn fill_row<T>(
+    row: &mut [u8],
+    (lines, largest_area): (usize, f32),
+    number: &mut impl FnMut() -> f32,
+    place: impl Fn(f32) -> AxisAt<T>,
+    mut free: impl FnMut(&T, [f32; 3], [f32; 3]) -> f32,
+) {
     for (i, entry) in row.chunks_exact_mut(LANES).enumerate() {
         let (r, c) = (i / COLUMNS, i % COLUMNS);
         let sign = if r < ROWS { 1.0 } else { -1.0 };
         for (o, entry) in entry[..OFFSETS].iter_mut().enumerate() {
-            let mut free = 0.0;
+            let mut sum = 0.0;
             for _ in 0..lines {
-                let along = spacing * (place as f32 + number() - 0.5) / places(&fabric.yarns[k]) as f32;
-                let line = fabric.center_line(id.family, id.yarn, f64::from(along));
-                let [center, axis] = [line.point_um, line.tangent].map(|v| v.map(|v| v as f32));
+                let AxisAt { center_um, axis, bend_per_um, radius_um, of } = place(number());
                 // A ply sends little light along itself, where much passes: directions are drawn by the sine.
                 let (b, x, sine) = loop {
                     let band = r % ROWS;
@@ -362,21 +375,38 @@ fn fill(row: &mut [u8], fabric: &Fabric, passing: &impl Passing, (id, place): (Y
                         break (b, x, sine.max(1e-3));
                     }
                 };
-                let t = ((o as f32 + number()) / OFFSETS as f32 * 2.0 - 1.0) * radius;
-                let mut n = [0.0; 3];
-                (n[1 - k], n[2]) = (-axis[2], axis[1 - k]);
-                let bend = if is_one { line.curvature_per_um as f32 } else { 0.0 };
-                let area = 1.0 - t * bend * dot(b, cross(axis, n)) / (sine * sine * sine);
+                let t = ((o as f32 + number()) / OFFSETS as f32 * 2.0 - 1.0) * radius_um;
+                let area = 1.0 - t * dot(b, cross(axis, bend_per_um)) / (sine * sine * sine);
                 if area <= 0.0 {
                     continue;
                 }
-                let inner = std::array::from_fn(|i| center[i] + t / sine * x[i]);
-                let from = exit(center, axis, radius, inner, b);
-                free += area * free_share(fabric, passing, from, b, fabric.skip_yarn(id, from, b));
+                let inner = std::array::from_fn(|i| center_um[i] + t / sine * x[i]);
+                sum += area.min(largest_area) * free(&of, exit(center_um, axis, radius_um, inner, b), b);
             }
-            *entry = (255.0 / MAX_SHARE * (free / lines as f32).min(MAX_SHARE) + 0.5) as u8;
+            *entry = (255.0 / MAX_SHARE * (sum / lines as f32).min(MAX_SHARE) + 0.5) as u8;
         }
     }
+}
+
+/// One place of a yarn. Of yarns of several plies, which turn from one side of a bend to the other, lines
+/// count alike: their light is conserved without (tests/it/cloth.rs).
+fn fill(row: &mut [u8], fabric: &Fabric, passing: &impl Passing, (id, place): (YarnId, i32), lines: usize) {
+    let k = id.family as usize;
+    let spacing = fabric.yarns[id.family.other() as usize].spacing;
+    let (radius_um, is_one) = (fabric.yarns[k].half_width, fabric.yarns[k].plies == 1);
+    let mut rng = SplitMix64((id.yarn as u64) << 32 ^ (place as u64) << 2 ^ id.family as u64);
+    let at = |u: f32| {
+        let along = spacing * (place as f32 + u - 0.5) / places(&fabric.yarns[k]) as f32;
+        let line = fabric.center_line(id.family, id.yarn, f64::from(along));
+        let [center_um, axis] = [line.point_um, line.tangent].map(|v| v.map(|v| v as f32));
+        let bend = if is_one { line.curvature_per_um as f32 } else { 0.0 };
+        let mut bend_per_um = [0.0; 3];
+        (bend_per_um[1 - k], bend_per_um[2]) = (-bend * axis[2], bend * axis[1 - k]);
+        AxisAt { center_um, axis, bend_per_um, radius_um, of: () }
+    };
+    fill_row(row, (lines, f32::INFINITY), &mut || rng.next_f64() as f32, at, |(), from, b| {
+        free_share(fabric, passing, from, b, fabric.skip_yarn(id, from, b))
+    });
 }
 
 /// Share of the light of a line that passes beside all plies.

@@ -2,9 +2,9 @@
 //! key. Keys, ranges and relations are in `rules.rs`, reading in `load.rs`.
 
 use super::YarnSet;
-use super::bsdf::Slits;
 use super::color_of::ColorOf;
 use super::draft::Draft;
+use super::query::Slits;
 #[cfg(doc)]
 use super::{wif::Wif, yarn::YarnShape};
 use crate::gap::SLIT_SHARE;

@@ -4,11 +4,11 @@ use super::{cloth_spec, on_threads};
 use crate::args::Cli;
 use crate::failure::{Failure, Outcome};
 use crate::kinds::{self, Kind};
-use crate::rendering::digest_of_bytes;
+use crate::rendering::{digest_of_bytes, digest_of_file};
 use crate::{output, progress, report};
 use plywave::PlyModel;
-use plywave::cloth::{ClothData, ClothLines, ClothModel, ClothSpec, YarnOfCloth};
-use plywave::fabric::FabricOptions;
+use plywave::cloth::{ClothData, ClothModel, ClothSpec, YarnOfCloth};
+use plywave::fabric::{FabricOptions, WeaveSpec};
 use plywave_sim::cloth::MadeCloth;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -17,12 +17,10 @@ use std::time::Instant;
 
 /// The models of a cloth's plies, by kind of yarn. A yarn spec that is named stands for the model beside it,
 /// of the same name with `.pwm`.
-pub fn models(cli: &Cli, file: &Path) -> Outcome<Vec<Arc<PlyModel>>> {
-    let text = plywave::io::read_text(file, cloth_spec::MAX_SPEC_BYTES)?;
-    let spec = ClothSpec::parse(&text, &file.display().to_string())?;
+pub fn models(cli: &Cli, file: &Path, spec: &ClothSpec) -> Outcome<Vec<Arc<PlyModel>>> {
     let folder = file.parent().unwrap_or(Path::new(""));
     let of = |(kind, yarn): (usize, &YarnOfCloth)| {
-        let key = format!("{}.model", cloth_spec::kind_name(&spec, kind as u32));
+        let key = format!("{}.model", cloth_spec::kind_name(spec, kind as u32));
         let Some(model) = &yarn.model else {
             let hint = "name the model of its plies";
             return Err(Failure::input(file.display(), &key, "(absent)", hint));
@@ -50,7 +48,7 @@ pub fn make(
     made: &MadeCloth,
     models: &[Arc<PlyModel>],
 ) -> Outcome<ClothData> {
-    let text = plywave::io::read_text(file, cloth_spec::MAX_SPEC_BYTES)?;
+    let (text, _) = cloth_spec::read(file)?;
     let begun = Instant::now();
     let stopped = || progress::STOP.load(Ordering::SeqCst);
     let told = |what: &str| {
@@ -66,6 +64,9 @@ pub fn make(
     if stopped() {
         return Err(Failure::Interrupted("stopped".into()));
     }
+    if matches!(spec.weave, Some(WeaveSpec::Wif { .. })) && !cli.quiet {
+        eprintln!("note: colors of the WIF are not used; give srgb of warp and weft");
+    }
     Ok(data?)
 }
 
@@ -79,56 +80,56 @@ fn cache() -> Option<PathBuf> {
 }
 
 /// The cloth of a file, or of a spec, whose cloth is looked up by the contents of spec and models among those
-/// that are kept, or made and kept; with the file that it is in.
-pub fn ready(cli: &Cli, file: &Path, notes: &mut Vec<String>) -> Outcome<(ClothData, PathBuf)> {
+/// that are kept, or made and kept; with a digest of what it was made of.
+pub fn ready(cli: &Cli, file: &Path, notes: &mut Vec<String>) -> Outcome<(ClothData, String)> {
     if kinds::kind_of(file) == Some(Kind::ClothFile) {
-        return Ok((ClothData::load(file)?, file.to_path_buf()));
+        return Ok((ClothData::load(file)?, digest_of_file(file)?));
     }
-    let text = plywave::io::read_text(file, cloth_spec::MAX_SPEC_BYTES)?;
-    let spec = ClothSpec::parse(&text, &file.display().to_string())?;
-    let models = models(cli, file)?;
+    let (text, spec) = cloth_spec::read(file)?;
+    let models = models(cli, file, &spec)?;
     let mut of = format!("{}\n{text}\n", env!("CARGO_PKG_VERSION"));
     for model in &models {
         of += &digest_of_bytes(&model.data().to_bytes()?);
     }
     for named in cloth_spec::files_of(&spec) {
         let path = file.parent().unwrap_or(Path::new("")).join(named);
-        of += &crate::rendering::digest_of_file(&path)?;
+        of += &digest_of_file(&path)?;
     }
-    let kept = cache().map(|folder| folder.join(format!("{}.pwc", &digest_of_bytes(of.as_bytes())[..24])));
+    let of = digest_of_bytes(of.as_bytes());
+    let kept = cache().map(|folder| folder.join(format!("{}.pwc", &of[..24])));
     if let Some(path) = kept.as_ref().filter(|path| path.exists()) {
         // One that was damaged is made again.
         if let Ok(data) = ClothData::load(path) {
-            return Ok((data, path.clone()));
+            return Ok((data, of));
         }
     }
     let (spec, made) = cloth_spec::make(cli, file)?;
     let data = make(cli, file, &spec, &made, &models)?;
     let Some(path) = kept else {
         notes.push("the cloth is not kept: there is no cache folder; PLYWAVE_CACHE names one".into());
-        return Ok((data, file.to_path_buf()));
+        return Ok((data, of));
     };
     let saved = path.parent().map_or(Ok(()), std::fs::create_dir_all).map_err(|e| e.to_string());
     match saved.and_then(|()| data.save(&path).map_err(|e| e.to_string())) {
         Ok(()) => notes.push(format!("the cloth was made and is kept in {}", path.display())),
         Err(e) => notes.push(format!("the cloth was made and could not be kept: {e}")),
     }
-    Ok((data, path))
+    Ok((data, of))
 }
 
 /// `plywave info` of a cloth file.
 pub fn info(cli: &Cli, file: &Path, bytes: u64, data: ClothData) -> Outcome {
-    let lines = ClothLines::new(&data.curves)?;
     let points = data.curves.curves.iter().map(|c| c.control_um.len()).sum::<usize>();
     let models: Vec<String> = data.models.iter().map(|m| cloth_spec::spec_name(m)).collect();
     let (name, version, cell) = (data.name.clone(), data.program_version.clone(), data.curves.cell_um);
     let (curves, has_far, spec) = (data.curves.curves.len(), data.has_far(), data.spec_text.clone());
     let model = ClothModel::from_data(data, &FabricOptions { far: true, ..FabricOptions::default() })?;
+    let half = model.lines().half_thickness_um();
     if cli.json {
         return output::print_json(&serde_json::json!({
             "file": file.display().to_string(), "kind": "cloth", "bytes": bytes, "name": name,
             "program_version": version, "cell_um": cell, "curves": curves, "points": points,
-            "half_thickness_um": lines.half_thickness_um(), "plies": models, "far": has_far,
+            "half_thickness_um": half, "plies": models, "far": has_far,
             "memory_bytes": model.memory_bytes(), "spec": spec,
         }));
     }
@@ -137,11 +138,7 @@ pub fn info(cli: &Cli, file: &Path, bytes: u64, data: ClothData) -> Outcome {
         writeln!(out, "  cloth        {name}, plies of {}", models.join(" and "))?;
         let [a, b] = cell;
         writeln!(out, "  cell         ({:.1}, {:.1}) x ({:.1}, {:.1}) um", a[0], a[1], b[0], b[1])?;
-        writeln!(
-            out,
-            "  curves       {curves} of {points} points, within {:.0} um of the middle",
-            lines.half_thickness_um()
-        )?;
+        writeln!(out, "  curves       {curves} of {points} points, within {:.0} um of the middle", half)?;
         writeln!(out, "  mean         {}", if has_far { "of the cell is in it" } else { "of the cell is not in it" })?;
         writeln!(out, "  memory       {}", report::bytes(model.memory_bytes() as u64))
     })

@@ -12,8 +12,15 @@ use std::path::Path;
 use std::sync::atomic::Ordering;
 
 /// Largest cloth spec, and largest file that it names [bytes].
-pub const MAX_SPEC_BYTES: u64 = 1 << 20;
+const MAX_SPEC_BYTES: u64 = 1 << 20;
 const MAX_BYTES: u64 = 256 << 20;
+
+/// The text of a spec, and what it says.
+pub fn read(file: &Path) -> Outcome<(String, ClothSpec)> {
+    let text = plywave::io::read_text(file, MAX_SPEC_BYTES)?;
+    let spec = ClothSpec::parse(&text, &file.display().to_string())?;
+    Ok((text, spec))
+}
 
 /// Texts of the specs of a cloth's plies, by kind of yarn: of yarn specs that it names, or in its models.
 pub fn ply_specs(cli: &Cli, file: &Path, spec: &ClothSpec) -> Outcome<Vec<String>> {
@@ -50,9 +57,8 @@ pub fn files_of(spec: &ClothSpec) -> Vec<String> {
 
 /// Reads a spec and makes its curves.
 pub fn make(cli: &Cli, file: &Path) -> Outcome<(ClothSpec, MadeCloth)> {
-    let text = plywave::io::read_text(file, MAX_SPEC_BYTES)?;
+    let (_, spec) = read(file)?;
     let name = file.display().to_string();
-    let spec = ClothSpec::parse(&text, &name)?;
     progress::install_stop();
     let folder = file.parent().unwrap_or(Path::new(""));
     let mut read = |named: &str| plywave::io::read_file(folder.join(named), MAX_BYTES);

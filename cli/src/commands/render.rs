@@ -6,14 +6,13 @@ use crate::failure::{Failure, Outcome};
 use crate::kinds;
 use crate::progress::STOP;
 use crate::rendering::{
-    About, Outputs, camera, camera_flags, check_flags, digest_of_bytes, digest_of_file, failed, film, mesh_notes,
-    setup, shoot,
+    About, Outputs, camera, camera_flags, check_flags, digest_of_bytes, digest_of_file, film, mesh, setup, shoot,
 };
 use plywave::fabric::{
     Fabric, FabricModel, FabricOptions, FabricSpec, GapLight, LoadedFabric, Slits, WeaveSpec, YarnSet,
 };
 use plywave::gap::{SLIT_MAX_UM, SLIT_SHARE};
-use plywave_render::{Camera, Mesh, RenderOptions, Setup, render};
+use plywave_render::{Camera, RenderOptions, Setup, render};
 use std::path::{Path, PathBuf};
 
 /// What a render reads: names for people, and paths.
@@ -156,14 +155,7 @@ pub fn run(cli: &Cli, args: &RenderArgs) -> Outcome {
         );
     }
     // What is quickly refused comes before what takes seconds.
-    let mesh = match &args.mesh {
-        Some(file) => {
-            let (mesh, told) = Mesh::obj(file, 1000.0 * args.cloth_mm as f32, size).map_err(failed)?;
-            notes.extend(mesh_notes(file, &told));
-            Some(mesh)
-        }
-        None => None,
-    };
+    let mesh = mesh(args, size, &mut notes)?;
     let sky = crate::rendering::sky(args, &mut notes)?;
     let name = loaded.spec.name.clone();
     let fabric = FabricModel::new(loaded, &options)?;

@@ -4,13 +4,10 @@ use super::cloth_file;
 use crate::args::{Cli, FabricPart, Integrator, RenderArgs};
 use crate::failure::{Failure, Outcome};
 use crate::progress::STOP;
-use crate::rendering::{
-    About, Outputs, camera, camera_flags, check_flags, digest_of_bytes, digest_of_file, failed, film, mesh_notes,
-    setup, shoot,
-};
+use crate::rendering::{About, Outputs, camera, camera_flags, check_flags, digest_of_file, film, mesh, setup, shoot};
 use plywave::cloth::ClothModel;
 use plywave::fabric::{FabricOptions, GapLight};
-use plywave_render::{Mesh, RenderOptions, Setup, render};
+use plywave_render::{RenderOptions, Setup, render};
 use std::path::{Path, PathBuf};
 
 /// Runs the command.
@@ -33,7 +30,7 @@ pub fn run(cli: &Cli, args: &RenderArgs) -> Outcome {
     let read: Vec<&Path> = inputs.iter().map(|(_, path)| path.as_path()).collect();
     let _held = outputs.hold(&read)?;
     let mut notes = Vec::new();
-    let (data, _) = cloth_file::ready(cli, &args.fabric, &mut notes)?;
+    let (data, digest) = cloth_file::ready(cli, &args.fabric, &mut notes)?;
     let without = |part: FabricPart| args.without.contains(&part);
     let options = FabricOptions {
         gaps: GapLight::Straight,
@@ -49,10 +46,7 @@ pub fn run(cli: &Cli, args: &RenderArgs) -> Outcome {
     let setup = Setup::from(named);
     let size = args.size_mm.map_or(setup.size_mm(), |s| s as f32);
     let camera = camera(args, setup.camera(size))?;
-    let mut of = vec![
-        ("version".to_string(), env!("CARGO_PKG_VERSION").to_string()),
-        ("cloth".to_string(), digest_of_bytes(&data.to_bytes()?)),
-    ];
+    let mut of = vec![("version".to_string(), env!("CARGO_PKG_VERSION").to_string()), ("cloth".to_string(), digest)];
     for (name, path) in &inputs[1..] {
         of.push(((*name).to_string(), digest_of_file(path)?));
     }
@@ -80,14 +74,7 @@ pub fn run(cli: &Cli, args: &RenderArgs) -> Outcome {
             )
         }));
     }
-    let mesh = match &args.mesh {
-        Some(file) => {
-            let (mesh, told) = Mesh::obj(file, 1000.0 * args.cloth_mm as f32, size).map_err(failed)?;
-            notes.extend(mesh_notes(file, &told));
-            Some(mesh)
-        }
-        None => None,
-    };
+    let mesh = mesh(args, size, &mut notes)?;
     let sky = crate::rendering::sky(args, &mut notes)?;
     notes.dedup();
     let name = data.name.clone();

@@ -1,6 +1,7 @@
 //! `plywave weave` of a cloth spec: the curves of its plies, and what a weaver would measure.
 
-use super::cloth_spec::{kind_name, make};
+use super::cloth_file;
+use super::cloth_spec::{self, kind_name, make};
 use crate::args::{Cli, WeaveArgs};
 use crate::failure::{Failure, Outcome};
 use crate::kinds::{self, Kind};
@@ -37,12 +38,15 @@ pub fn run(cli: &Cli, args: &WeaveArgs) -> Outcome {
         }
     };
     // What is quickly refused comes before what takes seconds.
-    let models = is_cloth.then(|| super::cloth_file::models(cli, &args.fabric)).transpose()?;
+    let models = match is_cloth {
+        true => Some(cloth_file::models(cli, &args.fabric, &cloth_spec::read(&args.fabric)?.1)?),
+        false => None,
+    };
     let begun = Instant::now();
     let (spec, made) = make(cli, &args.fabric)?;
     let time = begun.elapsed();
     if let (Some(path), Some(models)) = (&args.output, models) {
-        let bytes = super::cloth_file::make(cli, &args.fabric, &spec, &made, &models)?.to_bytes()?;
+        let bytes = cloth_file::make(cli, &args.fabric, &spec, &made, &models)?.to_bytes()?;
         progress::stoppable(|| output::write_whole(path, &bytes))?;
     }
     if let (Some(path), Some(format)) = (&args.output, format) {

@@ -1,6 +1,9 @@
 //! A cloth of curves beside its twin of explicit fibers, and the time of its parts.
 //!
 //! `cargo run --release -p plywave-studies --bin cloth_twin -- CLOTH.toml TWIN.pwx MODEL.pwm ..`
+//!
+//! A twin that is no file is left out. The variable OLD names a fabric spec whose time is taken too, BESIDE
+//! another twin, of another seed, that the first one is held to.
 
 use plywave::bsdf::Bsdf;
 use plywave::cloth::{ClothData, ClothModel, ClothSpec, ClothSurface};
@@ -22,7 +25,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     };
     let mut begun = Instant::now();
     let mut told = |what: &str| {
-        println!("{what}: {:.2} s", begun.elapsed().as_secs_f64());
+        println!("{what}: {:.1} ms", 1e3 * begun.elapsed().as_secs_f64());
         begun = Instant::now();
     };
     let made = make_cloth(&spec, file, &mut read, &|| true)?;
@@ -52,27 +55,49 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     if let Ok(twin) = ClothTwin::load(twin) {
         let places = std::env::var("PLACES").ok().and_then(|p| p.parse().ok()).unwrap_or(2048);
         for c in compare(&cloth, &twin, &ComparisonOptions { places, directions: 1 }) {
-            let v = twin.view(c.view);
+            let (twin_light, model) = (c.twin, c.model);
             println!(
-                "view {:5.1}:{:4.0} sigma {:?}: R {:.4} {:.4} ({:+.4})  T {:.4} {:.4} ({:+.4})  straight {:.4} {:.4}  L2 {:.3} {:.3}",
-                v[2].acos().to_degrees(),
-                v[1].atan2(v[0]).to_degrees(),
-                twin.sigma(c.sigma)[0],
-                c.twin.reflected,
-                c.model.reflected,
-                c.model.reflected - c.twin.reflected,
-                c.twin.transmitted,
-                c.model.transmitted,
-                c.model.transmitted - c.twin.transmitted,
-                c.twin.straight,
-                c.model.straight,
+                "{}: R {:.4} {:.4}  T {:.4} {:.4}  straight {:.4} {:.4}  L2 {:.3} {:.3}",
+                named(&twin, c.view, c.sigma),
+                twin_light.reflected,
+                model.reflected,
+                twin_light.transmitted,
+                model.transmitted,
+                twin_light.straight,
+                model.straight,
                 c.upper,
                 c.lower,
             );
         }
+        if let Ok(other) = std::env::var("BESIDE") {
+            println!("{other}");
+            beside(&twin, &ClothTwin::load(other)?);
+        }
     }
     told("twin");
     Ok(())
+}
+
+/// A view and an absorption in words.
+fn named(twin: &ClothTwin, view: usize, sigma: usize) -> String {
+    let [x, y, z] = twin.view(view);
+    format!("view {:5.1}:{:4.0} sigma {}", z.acos().to_degrees(), y.atan2(x).to_degrees(), twin.sigma(sigma)[0])
+}
+
+/// How far two twins of the same views and absorptions are apart in each half, relative L2, noise removed.
+fn beside(a: &ClothTwin, b: &ClothTwin) {
+    for (view, sigma) in (0..a.view_count()).flat_map(|v| (0..a.sigma_count()).map(move |s| (v, s))) {
+        let ([p, q], face) = ([a, b].map(|t| t.distribution(view, sigma)), a.view(view)[2] > 0.0);
+        let mut halves = [[0.0f64; 2]; 2];
+        for bin in 0..a.bins.len() {
+            let half = &mut halves[usize::from(a.bins.is_up(bin) != face)];
+            let [p, v, q, w] = [p.0[bin], p.1[bin], q.0[bin], q.1[bin]].map(f64::from);
+            half[0] += (p - q).powi(2) - v - w;
+            half[1] += p * p - v;
+        }
+        let [upper, lower] = halves.map(|[off, all]| (off.max(0.0) / all).sqrt());
+        println!("{}: L2 {upper:.3} {lower:.3}", named(a, view, sigma));
+    }
 }
 
 /// Energy of clear fibers by light: of even light that comes from one direction, what leaves in all; and by

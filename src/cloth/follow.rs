@@ -1,0 +1,77 @@
+//! Paths through a cloth of curves.
+
+use super::lines::LineHits;
+use super::plies::{ClothPlies, class, frame, start};
+use super::shade::{ClothShade, ClothShadows, PassesPlies, is_own};
+use crate::fabric::flight::exit;
+use crate::fabric::paths::{Escaped, Paths, Scattered};
+use crate::fabric::shade::Shade;
+use crate::math::vec3::{cross, dot};
+
+/// Shadows of a cloth, while the light between its plies is found.
+pub(crate) struct ClothPaths<'a> {
+    pub plies: &'a ClothPlies,
+    pub shadows: &'a ClothShadows,
+}
+
+impl Paths for ClothPaths<'_> {
+    fn place(&self, fractions: [f64; 2]) -> [f32; 2] {
+        let [a, b] = self.plies.lattice.cell_um;
+        let [s, t] = fractions;
+        [(s * a[0] + t * b[0]) as f32, (s * a[1] + t * b[1]) as f32]
+    }
+
+    fn path(&self, a: [f32; 3], at: [f32; 2], is_followed: bool, number: &mut dyn FnMut() -> f32) -> Option<Escaped> {
+        let ClothPlies { lines, kind_of, models, scale, .. } = self.plies;
+        let mut d = a.map(|v| -v);
+        let mut from = start(lines, at, a);
+        let mut own = None;
+        let mut hits = LineHits::default();
+        let mut gone = Escaped::new();
+        loop {
+            lines.hits_while(from, d, &mut hits, |hit| self.plies.passes(hit));
+            // The first ply that catches the line.
+            let caught = hits
+                .as_slice()
+                .iter()
+                .enumerate()
+                .find(|(_, hit)| own.is_none_or(|own| !is_own(lines, hit, own)) && number() >= self.plies.r_d(hit));
+            let Some((depth, hit)) = caught else {
+                gone.up = d[2] * a[2] > 0.0;
+                return Some(gone);
+            };
+            let kind = kind_of[hit.curve as usize];
+            let (theta_i, h_um) = (hit.theta_i, scale[kind] * hit.h_um);
+            let frame = frame(hit, d);
+            let (radius, z) = (hit.radius_um, hit.tangent);
+            let shade = ClothShade::new(self.shadows, hit, a, [true; 2]);
+            let first = if gone.orders == 0 {
+                Some((class(kind, depth, depth + 1 < hits.as_slice().len()), Shade::Curves(shade)))
+            } else {
+                None
+            };
+            let ply = Scattered {
+                model: &models[kind],
+                theta_i,
+                h_um,
+                radius_um: radius * scale[kind],
+                frame,
+                slit: None,
+                kind,
+            };
+            let (t, s) = gone.scatter(&ply, first, (a, is_followed), &mut d, number)?;
+            if !is_followed {
+                return Some(gone);
+            }
+            let x = cross(d, z);
+            let across = -t * radius / dot(x, x).sqrt().max(1e-6);
+            let center: [f32; 3] = std::array::from_fn(|i| from[i] + hit.center_um[i]);
+            let inner = std::array::from_fn(|i| center[i] + across * x[i] + s * radius * z[i]);
+            own = Some((hit.curve, hit.cells, hit.parameter));
+            from = exit(center, z, radius, inner, d);
+            if gone.is_over() {
+                return None;
+            }
+        }
+    }
+}

@@ -1,0 +1,136 @@
+//! The curves of a cloth with the models of their plies: what a line meets.
+
+use super::lines::{ClothLines, LineHit};
+use super::shade::PassesPlies;
+use super::{ClothCurves, ClothYarn, Lattice};
+use crate::fabric::between::CLASSES_A_KIND;
+use crate::fabric::far::Runs;
+use crate::math::vec3::{cross, dot};
+use crate::spec::YarnSpec;
+use crate::spec::rules::invalid;
+use crate::{PlyModel, Result};
+use std::sync::Arc;
+
+/// Largest difference of a model's radius from its curve's, over it.
+const MAX_OFF: f64 = 0.02;
+/// Lines start this far above the plies [um].
+const MARGIN_UM: f32 = 1.0;
+
+/// The curves of a cloth with the models of their plies.
+#[derive(Clone, Debug)]
+pub(crate) struct ClothPlies {
+    pub lines: ClothLines,
+    pub lattice: Lattice,
+    pub yarns: Vec<ClothYarn>,
+    /// Yarn of each curve, and its kind.
+    pub of_curve: Vec<u32>,
+    pub kind_of: Vec<usize>,
+    /// Kinds of yarns, 1 or 2, and how they run.
+    pub kinds: usize,
+    pub runs: [Runs; 2],
+    /// By kind, of single lines.
+    pub models: Vec<Arc<PlyModel>>,
+    /// Radius of the models' plies over that of the curves, by kind.
+    pub scale: Vec<f32>,
+    /// Length of a ply with the same patterns, 2 w0 [um].
+    pub grain_um: f32,
+}
+
+impl ClothPlies {
+    /// Curves and the model of each kind of yarn, in single lines.
+    ///
+    /// # Errors
+    /// [`crate::Error::Invalid`] for models whose plies are not those of the curves, and as
+    /// [`ClothLines::new`].
+    pub fn new(curves: &ClothCurves, models: &[Arc<PlyModel>]) -> Result<ClothPlies> {
+        let lines = ClothLines::new(curves)?;
+        let lattice = curves.lattice("cloth")?;
+        let kinds = curves.yarns.iter().map(|y| y.kind as usize + 1).max().unwrap_or(1);
+        if models.len() != kinds || kinds > 2 {
+            let hint = format!("give {kinds}, one for each kind of yarn");
+            return Err(invalid("cloth", "model", format!("{} models", models.len()), hint));
+        }
+        let kind_of: Vec<usize> = curves.curves.iter().map(|c| curves.yarns[c.yarn as usize].kind as usize).collect();
+        let (mut scale, mut grain_um) = (Vec::new(), 0.0);
+        for (kind, model) in models.iter().enumerate() {
+            let ply = YarnSpec::parse(&model.data().spec_text, "model (its spec)")?;
+            let of_curve = curves.curves.iter().zip(&kind_of).find(|(_, k)| **k == kind).map(|(c, _)| c.radius_um);
+            let [a, b] = ply.ply_radii_um();
+            let radius_um = of_curve.unwrap_or(a);
+            if ply.yarn.plies > 1 || [a, b].iter().any(|r| (r / radius_um - 1.0).abs() > MAX_OFF) {
+                let value = format!("{a:.2}, of a yarn of {}", ply.yarn.plies);
+                let hint = format!("the plies of this cloth have {radius_um:.2}; use a model of one such ply");
+                return Err(invalid("cloth", "ply.radius_um (of the model)", value, hint));
+            }
+            scale.push((a / radius_um) as f32);
+            grain_um = (2.0 * ply.beam.beam().w0_um) as f32;
+        }
+        let runs = [0, 1].map(|kind| {
+            let yarn = curves.yarns.iter().find(|y| y.kind == kind);
+            let way = yarn.map_or([1.0, 0.0], |y| lattice.vector(y.period));
+            if way[1].abs() > way[0].abs() { Runs::AlongY } else { Runs::AlongX }
+        });
+        Ok(ClothPlies {
+            lines,
+            lattice,
+            yarns: curves.yarns.clone(),
+            of_curve: curves.curves.iter().map(|c| c.yarn).collect(),
+            kind_of,
+            kinds,
+            runs,
+            models: models.to_vec(),
+            scale,
+            grain_um,
+        })
+    }
+}
+
+/// Axes of the ply's frame at a hit of a line in direction `d`.
+#[inline]
+pub(super) fn frame(hit: &LineHit, d: [f32; 3]) -> [[f32; 3]; 3] {
+    let z = hit.tangent;
+    let along = dot(d, z);
+    let mut y: [f32; 3] = std::array::from_fn(|k| along * z[k] - d[k]);
+    let mut length2 = dot(y, y);
+    if length2 < 1e-8 {
+        // Along the ply: any axis across it.
+        let e = if z[0].abs() < 0.7 { [1.0, 0.0, 0.0] } else { [0.0, 1.0, 0.0] };
+        y = cross(z, e);
+        length2 = dot(y, y);
+    }
+    let per = 1.0 / length2.sqrt();
+    let y = y.map(|v| v * per);
+    [cross(y, z), y, z]
+}
+
+/// About which share of a line passes a ply.
+#[inline]
+pub(super) fn passes(model: &PlyModel, scale: f32, hit: &LineHit) -> f32 {
+    let (h_um, off) = (scale * hit.h_um, 0.05 * hit.radius_um);
+    model.passed_lines().map_or(1.0, |passed| passed.mean(hit.theta_i, h_um - off, h_um + off))
+}
+
+impl PassesPlies for ClothPlies {
+    fn passes(&self, hit: &LineHit) -> f32 {
+        let kind = self.kind_of[hit.curve as usize];
+        passes(&self.models[kind], self.scale[kind], hit)
+    }
+
+    fn r_d(&self, hit: &LineHit) -> f32 {
+        let kind = self.kind_of[hit.curve as usize];
+        self.models[kind].r_d(hit.theta_i, self.scale[kind] * hit.h_um)
+    }
+}
+
+/// Class of the ply that a line hits as the `depth`-th, and whether it hits another behind it.
+#[inline]
+pub(super) fn class(kind: usize, depth: usize, follows: bool) -> usize {
+    CLASSES_A_KIND * kind + 2 * usize::from(depth > 0) + usize::from(follows)
+}
+
+/// Start of the line that comes from direction `a` through a point of the middle plane [um].
+#[inline]
+pub(super) fn start(lines: &ClothLines, at: [f32; 2], a: [f32; 3]) -> [f32; 3] {
+    let way = (lines.half_thickness_um() + MARGIN_UM) / a[2].abs().max(1e-4);
+    [at[0] + way * a[0], at[1] + way * a[1], way * a[2]]
+}
