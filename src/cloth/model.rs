@@ -9,7 +9,7 @@ use super::plies::{ClothPlies, class, frame, passes, start};
 use super::shade::{ClothShade, ClothShadows};
 use super::{ClothData, ClothSpec, ClothSurface};
 use crate::color::AlbedoCurve;
-use crate::fabric::at::{FabricBsdf, NearPly, Passes};
+use crate::fabric::at::{FabricBsdf, NearPly, Passes, in_pattern};
 use crate::fabric::between::{CLASSES_A_KIND, InterYarn, SIGMA_PER_UM, SIGMAS};
 use crate::fabric::color_of;
 use crate::fabric::dye::{Dye, own_color};
@@ -18,7 +18,7 @@ use crate::fabric::hit::MAX_NEAR;
 use crate::fabric::shade::Shade;
 use crate::fabric::shadow::Toward;
 use crate::fabric::{Channels, ColorOf, FabricOptions, FabricQuery, YarnColor};
-use crate::ply::{Lobes, PlyOn};
+use crate::ply::{Prepared, UncachedPly};
 use crate::speckle::Instance;
 use crate::{PlyModel, PlyQuery, Result};
 use std::path::Path;
@@ -45,6 +45,7 @@ pub struct ClothModel {
 }
 
 impl ClothSurface for ClothModel {
+    #[inline(always)]
     fn surface_at<'a, const N: usize>(&'a self, query: &FabricQuery<'a, N>) -> FabricBsdf<'a, N> {
         self.at(query)
     }
@@ -155,10 +156,19 @@ impl ClothModel {
     }
 
     /// The cloth at a query.
+    #[inline(always)]
     pub fn at<'a, const N: usize>(&'a self, query: &FabricQuery<'a, N>) -> FabricBsdf<'a, N> {
-        let (mut at, at_um, wo) = FabricBsdf::start(query, |wo| self.far_at(query, wo));
-        if at.far_share() >= 1.0 {
-            return at;
+        // In its place: it is too large to move.
+        let mut at = FabricBsdf::empty();
+        self.fill(query, &mut at);
+        at
+    }
+
+    fn fill<'a, const N: usize>(&'a self, query: &FabricQuery<'a, N>, at: &mut FabricBsdf<'a, N>) {
+        let (turn, at_um, wo) = in_pattern(query);
+        at.turn = turn;
+        if at.is_far(self.far_at(query, wo)) {
+            return;
         }
         let (at_um, cell) = self.in_cell(at_um);
         let d = wo.map(|v| -v);
@@ -184,11 +194,9 @@ impl ClothModel {
             let arrives = at.passing;
             let r_d = if at.main.is_none() {
                 at.is_double = hits.iter().any(|h| self.plies.kind_of[h.curve as usize] != kind);
-                let ply = self.near_ply((hit, class), model.unprepared(&ply_query).into_ply(), arrives, wo);
-                // In its place: lobes are large.
-                let main = at.main.insert(ply);
-                main.ply.prepare();
-                let r_d = main.energies();
+                let main = at.main.insert(self.near_ply((hit, class), model.uncached_at(&ply_query), arrives, wo));
+                main.ply.prepare_into(&mut at.prepared);
+                let r_d = main.energies(&at.prepared);
                 firsts[count] = (class, main.energy.map(|e| arrives * e));
                 count += 1;
                 r_d
@@ -209,7 +217,7 @@ impl ClothModel {
                     continue;
                 };
                 let mut ply = self.near_ply((hit, class), model.uncached_at(&ply_query), arrives, wo);
-                let r_d = ply.energies();
+                let r_d = ply.energies(&Prepared::Nothing);
                 // Of less than this of the line, what rims catch counts as passing.
                 if arrives * (1.0 - r_d) < MIN_CAUGHT {
                     continue;
@@ -235,7 +243,6 @@ impl ClothModel {
             at.passes = Passes::Edge;
         }
         at.set_chances();
-        at
     }
 
     /// Factors on what first plies send up and down.
@@ -244,13 +251,14 @@ impl ClothModel {
     }
 
     /// A ply that the line hits, of light of which the share `arrives` comes to it.
-    fn near_ply<'a, L: Lobes<N>, const N: usize>(
+    #[inline(always)]
+    fn near_ply<'a, const N: usize>(
         &'a self,
         (hit, class): (&LineHit, usize),
-        ply: PlyOn<'a, L, N>,
+        ply: UncachedPly<'a, N>,
         arrives: f32,
         wo: [f32; 3],
-    ) -> NearPly<'a, L, N> {
+    ) -> NearPly<'a, N> {
         let counts = [self.options.shadowing, self.options.layers];
         let scale = self.plies.scale[class / CLASSES_A_KIND];
         NearPly {

@@ -18,7 +18,7 @@ use crate::bsdf::{DirectionSample, Outcomes};
 use crate::frame::is_direction;
 use crate::gap::GapBsdf;
 use crate::math::clamp_unit;
-use crate::ply::{Cached, ExitsAt, LobeLight, Lobes, PlyOn, Uncached};
+use crate::ply::{ExitsAt, LobeLight, Prepared, UncachedPly, hit_chance};
 use crate::{Bsdf, BsdfSample};
 use std::f32::consts::{PI, TAU};
 
@@ -44,8 +44,8 @@ fn to_surface([c, s]: [f32; 2], w: [f32; 3]) -> [f32; 3] {
 
 /// A ply near the line.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct NearPly<'a, L, const N: usize> {
-    pub ply: PlyOn<'a, L, N>,
+pub(crate) struct NearPly<'a, const N: usize> {
+    pub ply: UncachedPly<'a, N>,
     pub frame: [[f32; 3]; 3],
     pub shade: Shade<'a>,
     pub exits: ExitsAt,
@@ -62,22 +62,12 @@ pub(crate) struct NearPly<'a, L, const N: usize> {
     pub chance: f32,
 }
 
-impl<'a, const N: usize> NearPly<'a, Uncached<'a, N>, N> {
-    /// With its lobes interpolated once, for many directions.
-    fn prepared(&self) -> NearPly<'a, Cached<'a, N>, N> {
-        let NearPly { frame, shade, exits, class, arrives, caught, energy, hit, chance, .. } = *self;
-        let mut ply = self.ply.model.unprepared(&self.ply.query).into_ply();
-        ply.prepare();
-        NearPly { ply, frame, shade, exits, class, arrives, caught, energy, hit, chance }
-    }
-}
-
-impl<L: Lobes<N>, const N: usize> NearPly<'_, L, N> {
+impl<const N: usize> NearPly<'_, N> {
     /// Finds the energies; r_d comes out.
-    pub(crate) fn energies(&mut self) -> f32 {
-        let (energy, r_d) = self.ply.albedo_r_d();
+    pub(crate) fn energies(&mut self, prepared: &Prepared<N>) -> f32 {
+        let (energy, r_d) = self.ply.lit_by(&self.ply.kept(prepared)).albedo_r_d();
         self.energy = energy;
-        self.hit = self.ply.hit_chance();
+        self.hit = hit_chance(&energy, r_d);
         r_d
     }
 
@@ -109,17 +99,18 @@ impl<L: Lobes<N>, const N: usize> NearPly<'_, L, N> {
     }
 
     #[inline]
-    fn eval_pdf(&self, b: [f32; 3], f: &mut [f32; N], pdf: &mut f32) {
+    fn eval_pdf(&self, prepared: &Prepared<N>, b: [f32; 3], f: &mut [f32; N], pdf: &mut f32) {
         let wo = to_ply(&self.frame, b);
-        self.add(b, wo, &self.ply.eval_pdf_lobes(self.hit, wo), f, pdf);
+        self.add(b, wo, &self.ply.lit_by(&self.ply.kept(prepared)).eval_pdf(self.hit, wo), f, pdf);
     }
 
     /// Adds f of many directions.
-    fn add_all(&self, lights: &[Toward], f: &mut [[f32; N]]) {
+    fn add_all(&self, prepared: &Prepared<N>, lights: &[Toward], f: &mut [[f32; N]]) {
+        let kept = self.ply.kept(prepared);
         let shares = self.clear_shares();
         for (toward, f) in lights.iter().zip(f) {
             let wo = to_ply(&self.frame, toward.b);
-            let light = self.ply.eval_apart(wo);
+            let light = self.ply.lit_by(&kept).eval_apart(wo);
             self.add_light(
                 self.shade.toward(toward, self.exits.lines(self.ply.model.exit_shapes(), wo)),
                 &shares,
@@ -130,13 +121,13 @@ impl<L: Lobes<N>, const N: usize> NearPly<'_, L, N> {
     }
 
     #[inline]
-    fn pdf(&self, b: [f32; 3]) -> f32 {
-        self.chance * self.ply.pdf_lobes(self.hit, to_ply(&self.frame, b))
+    fn pdf(&self, prepared: &Prepared<N>, b: [f32; 3]) -> f32 {
+        self.chance * self.ply.lit_by(&self.ply.kept(prepared)).pdf(self.hit, to_ply(&self.frame, b))
     }
 
     #[inline]
-    fn sample(&self, u: [f32; 3]) -> Option<([f32; 3], LobeLight<N>)> {
-        let (w, light) = self.ply.sample_lobes(self.hit, u)?;
+    fn sample(&self, prepared: &Prepared<N>, u: [f32; 3]) -> Option<([f32; 3], LobeLight<N>)> {
+        let (w, light) = self.ply.lit_by(&self.ply.kept(prepared)).sample(self.hit, u)?;
         Some((to_fabric(&self.frame, w), light))
     }
 }
@@ -171,13 +162,14 @@ const FOR_SHADOWS: f32 = 1.25;
 /// A fabric at a query, for N wavelengths; of the ply that the line meets the lobes are interpolated once.
 #[derive(Clone, Copy, Debug)]
 pub struct FabricBsdf<'a, const N: usize> {
-    /// The ply that the line meets, and its place among those that it comes near.
-    pub(crate) main: Option<NearPly<'a, Cached<'a, N>, N>>,
-    pub(crate) others: [Option<NearPly<'a, Uncached<'a, N>, N>>; MAX_NEAR],
+    /// The ply that the line meets, its lobes, and the plies that it comes near.
+    pub(crate) main: Option<NearPly<'a, N>>,
+    pub(crate) prepared: Prepared<N>,
+    pub(crate) others: [Option<NearPly<'a, N>>; MAX_NEAR],
     pub(crate) passes: Passes<'a, N>,
     /// Energy that passes all plies.
     pub(crate) passing: f32,
-    pub(crate) between: BetweenAt<N>,
+    pub(crate) between: BetweenAt<'a, N>,
     /// Chances of what passes, and of light between yarns that leaves up and down.
     pub(crate) chances: [f32; 3],
     /// Cosine and sine of the pattern's turn.
@@ -189,35 +181,48 @@ pub struct FabricBsdf<'a, const N: usize> {
     pub(crate) far: Option<(FarAt<'a, N>, f32)>,
 }
 
+/// The turn of a query's pattern, its point [um] and its direction to the viewer in the frame of the pattern.
+pub(crate) fn in_pattern<const N: usize>(query: &FabricQuery<'_, N>) -> ([f32; 2], [f32; 2], [f32; 3]) {
+    let turned = query.turn_rad != 0.0 && query.turn_rad.is_finite();
+    let turn = if turned { [query.turn_rad.cos(), query.turn_rad.sin()] } else { [1.0, 0.0] };
+    let ([x, y], mut wo) = (query.position_um, unit(query.wo));
+    let mut at = [x, y];
+    if turned {
+        let p = to_pattern(turn, [x, y, 0.0]);
+        (at, wo) = ([p[0], p[1]], to_pattern(turn, wo));
+    }
+    (turn, position(at[0], at[1]), wo)
+}
+
 impl<'a, const N: usize> FabricBsdf<'a, N> {
-    /// A query before it meets a ply, with its point [um] and its direction to the viewer in the frame of the
-    /// pattern; `far` is the mean over the repeat seen from there, if it takes part.
-    pub(crate) fn start(
-        query: &FabricQuery<'a, N>,
-        far: impl FnOnce([f32; 3]) -> Option<(FarAt<'a, N>, f32)>,
-    ) -> (Self, [f32; 2], [f32; 3]) {
-        let turned = query.turn_rad != 0.0 && query.turn_rad.is_finite();
-        let turn = if turned { [query.turn_rad.cos(), query.turn_rad.sin()] } else { [1.0, 0.0] };
-        let ([x, y], mut wo) = (query.position_um, unit(query.wo));
-        let mut at = [x, y];
-        if turned {
-            let p = to_pattern(turn, [x, y, 0.0]);
-            (at, wo) = ([p[0], p[1]], to_pattern(turn, wo));
-        }
-        let far = far(wo);
-        let bsdf = FabricBsdf {
+    /// Before a line meets a ply. Its parts are filled in in their places, since they are large.
+    #[inline(always)]
+    pub(crate) fn empty() -> Self {
+        FabricBsdf {
             main: None,
+            prepared: Prepared::Nothing,
             others: [const { None }; MAX_NEAR],
             passes: Passes::Straight,
-            passing: if far.as_ref().is_some_and(|(_, share)| *share >= 1.0) { 0.0 } else { 1.0 },
-            between: BetweenAt::none(wo),
+            passing: 1.0,
+            between: BetweenAt::none([0.0; 3]),
             chances: [0.0; 3],
-            turn,
+            turn: [1.0, 0.0],
             is_double: false,
             aperture: None,
-            far,
-        };
-        (bsdf, position(at[0], at[1]), wo)
+            far: None,
+        }
+    }
+
+    /// Joins the mean over the repeat and its share; whether it is all.
+    pub(crate) fn is_far(&mut self, far: Option<(FarAt<'a, N>, f32)>) -> bool {
+        let all = far.as_ref().is_some_and(|(_, share)| *share >= 1.0);
+        if far.is_some() {
+            self.far = far;
+        }
+        if all {
+            self.passing = 0.0;
+        }
+        all
     }
 }
 
@@ -318,14 +323,14 @@ impl<const N: usize> FabricBsdf<'_, N> {
         if let Some(ply) = &self.main {
             match &known {
                 Some((0, light)) => ply.add(b, to_ply(&ply.frame, b), light, &mut f, &mut pdf),
-                _ => ply.eval_pdf(b, &mut f, &mut pdf),
+                _ => ply.eval_pdf(&self.prepared, b, &mut f, &mut pdf),
             }
         }
         for (i, ply) in self.others.iter().enumerate() {
             let Some(ply) = ply else { continue };
             match &known {
                 Some((known, light)) if *known == i + 1 => ply.add(b, to_ply(&ply.frame, b), light, &mut f, &mut pdf),
-                _ => ply.eval_pdf(b, &mut f, &mut pdf),
+                _ => ply.eval_pdf(&Prepared::Nothing, b, &mut f, &mut pdf),
             }
         }
         (f, pdf)
@@ -347,14 +352,16 @@ impl<const N: usize> FabricBsdf<'_, N> {
         let rescaled = |remaining: f32, chance: f32| [clamp_unit(remaining / chance), u[1], u[2]];
         if let Some(ply) = &self.main {
             if remaining < ply.chance {
-                return ply.sample(rescaled(remaining, ply.chance)).map(|(w, light)| (w, Some((0, light))));
+                let drawn = ply.sample(&self.prepared, rescaled(remaining, ply.chance));
+                return drawn.map(|(w, light)| (w, Some((0, light))));
             }
             remaining -= ply.chance;
         }
         for (i, ply) in self.others.iter().enumerate() {
             let Some(ply) = ply else { continue };
             if remaining < ply.chance {
-                return ply.sample(rescaled(remaining, ply.chance)).map(|(w, light)| (w, Some((i + 1, light))));
+                let drawn = ply.sample(&Prepared::Nothing, rescaled(remaining, ply.chance));
+                return drawn.map(|(w, light)| (w, Some((i + 1, light))));
             }
             remaining -= ply.chance;
         }
@@ -397,11 +404,13 @@ impl FabricBsdf<'_, SIGMAS> {
         let is_of = |class: usize| class / CLASSES_A_KIND == kind;
         if let Some(ply) = self.main.as_ref().filter(|ply| is_of(ply.class)) {
             scatters(ply.class, ply.arrives, &ply.energy);
-            ply.add_all(lights, &mut seen.f);
+            ply.add_all(&self.prepared, lights, &mut seen.f);
         }
         for ply in self.others.iter().flatten().filter(|ply| is_of(ply.class)) {
             scatters(ply.class, ply.arrives, &ply.energy);
-            ply.prepared().add_all(lights, &mut seen.f);
+            let mut prepared = Prepared::Nothing;
+            ply.ply.prepare_into(&mut prepared);
+            ply.add_all(&prepared, lights, &mut seen.f);
         }
         seen
     }
@@ -422,8 +431,8 @@ impl<const N: usize> Bsdf<N> for FabricBsdf<'_, N> {
         }
         let mut pdf = self.between_pdf(b);
         self.passing(b, &mut [0.0; N], &mut pdf);
-        pdf += self.main.as_ref().map_or(0.0, |ply| ply.pdf(b));
-        pdf + self.others.iter().flatten().map(|ply| ply.pdf(b)).sum::<f32>()
+        pdf += self.main.as_ref().map_or(0.0, |ply| ply.pdf(&self.prepared, b));
+        pdf + self.others.iter().flatten().map(|ply| ply.pdf(&Prepared::Nothing, b)).sum::<f32>()
     }
 
     fn eval_pdf(&self, w: [f32; 3]) -> ([f32; N], f32) {

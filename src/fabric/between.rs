@@ -65,20 +65,39 @@ pub(crate) struct InterYarn {
     pub(crate) albedo: [f64; SIGMAS],
 }
 
-/// v of a node; the last one stands for infinite absorption.
-fn v_of(node: usize) -> f32 {
-    if node == SIGMAS - 1 { 0.0 } else { 1.0 / (1.0 + SIGMA_PER_UM[node] * LENGTH_UM) }
-}
+/// v of the nodes; the last one stands for infinite absorption.
+const V: [f32; SIGMAS] = {
+    let mut v = [0.0; SIGMAS];
+    let mut node = 0;
+    while node < SIGMAS - 1 {
+        v[node] = 1.0 / (1.0 + SIGMA_PER_UM[node] * LENGTH_UM);
+        node += 1;
+    }
+    v
+};
 
 /// Node below an absorption and the fraction to the next.
-#[inline]
+#[inline(always)]
 fn node_of(sigma: f32) -> (usize, f32) {
-    let sigma = sigma.clamp(0.0, 1e6);
+    let sigma = min(max(sigma, 0.0), 1e6);
     let v = 1.0 / (1.0 + sigma * LENGTH_UM);
-    let node = SIGMA_PER_UM[1..SIGMAS - 1].iter().filter(|node| **node <= sigma).count();
-    let [high, low] = [v_of(node), v_of(node + 1)];
-    (node, (high - v) / (high - low))
+    let mut node = 0;
+    for at in &SIGMA_PER_UM[1..SIGMAS - 1] {
+        node += usize::from(*at <= sigma);
+    }
+    (node, (V[node] - v) * PER_V[node])
 }
+
+/// 1 over the difference of v to the next node.
+const PER_V: [f32; SIGMAS] = {
+    let mut per = [0.0; SIGMAS];
+    let mut node = 0;
+    while node < SIGMAS - 1 {
+        per[node] = 1.0 / (V[node] - V[node + 1]);
+        node += 1;
+    }
+    per
+};
 
 /// The polynomials at a direction; z counts as positive.
 #[inline]
@@ -109,8 +128,7 @@ impl InterYarn {
     /// The color of the cloth over the absorption, under a sky all round: what it scatters of the light that
     /// meets its fibers.
     pub(crate) fn curve(&self) -> AlbedoCurve {
-        let v = |node: usize| f64::from(v_of(node));
-        AlbedoCurve::of_nodes(f64::from(LENGTH_UM), self.albedo.iter().enumerate().map(|(node, a)| (v(node), *a)))
+        AlbedoCurve::of_nodes(f64::from(LENGTH_UM), V.iter().zip(self.albedo).map(|(v, a)| (f64::from(*v), a)))
     }
 
     pub(crate) fn memory_bytes(&self) -> usize {
@@ -125,48 +143,64 @@ impl InterYarn {
     /// The light between yarns of a beam from `a`. `firsts` are the classes of the plies that scatter it and
     /// the energies that they scatter, `sent` factors on what the first ply sends up and what it sends down.
     #[inline]
-    pub(crate) fn at<const N: usize>(
-        &self,
+    pub(crate) fn at<'a, const N: usize>(
+        &'a self,
         a: [f32; 3],
         firsts: &[(usize, [f32; N])],
         sigma_per_um: [[f32; N]; 2],
         sent: [f32; 2],
-    ) -> BetweenAt<N> {
-        let mut at = BetweenAt::none(a);
+    ) -> BetweenAt<'a, N> {
         let mut classes = [[0.0; N]; CLASSES];
         for (class, energy) in firsts {
             (0..N).for_each(|k| classes[*class][k] += energy[k]);
         }
-        light(&self.sides[usize::from(a[2] < 0.0)], a, &classes, sigma_per_um, sent, &mut at);
-        at
+        light(&self.sides[usize::from(a[2] < 0.0)], a, &classes, sigma_per_um, sent)
     }
+}
+
+/// Four pairs of absorptions about one of each kind, with their shares.
+type Corners = [(u16, f32); 4];
+
+/// Mean of polynomials over pairs of absorptions.
+#[inline(always)]
+fn mixed<const T: usize>(of: &[[f32; T]; PAIRS], corners: &Corners) -> [f32; T] {
+    let mut mixed = [0.0; T];
+    for (pair, share) in corners {
+        let of = &of[usize::from(*pair) % PAIRS];
+        for n in 0..T {
+            mixed[n] += share * of[n];
+        }
+    }
+    mixed
 }
 
 #[multiversion(targets(
     "x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+avx2+bmi1+bmi2+fma",
     "x86_64+avx2+bmi1+bmi2+fma"
 ))]
-fn light<const N: usize>(
-    side: &Side,
+fn light<'a, const N: usize>(
+    side: &'a Side,
     a: [f32; 3],
     classes: &[[f32; N]; CLASSES],
     sigma_per_um: [[f32; N]; 2],
     sent: [f32; 2],
-    at: &mut BetweenAt<N>,
-) {
-    let t = terms(a);
-    let (few, place) = (few(&t), splines::At::new(a));
-    let (mut nodes, mut corners) = ([[(0, 0.0); N]; 2], [[(0, 0.0); 4]; N]);
+) -> BetweenAt<'a, N> {
+    let mut at = BetweenAt::none(a);
+    at.shapes = side.shape.as_chunks().0.first_chunk();
+    let (few, place) = (few(&terms(a)), splines::At::new(a));
+    let mut nodes = [[(0, 0.0); N]; 2];
     for k in 0..N {
         let [(i, x), (j, y)] = [node_of(sigma_per_um[0][k]), node_of(sigma_per_um[1][k])];
         (nodes[0][k], nodes[1][k]) = ((i, x), (j, y));
-        corners[k] = [
-            (SIGMAS * i + j, (1.0 - x) * (1.0 - y)),
-            (SIGMAS * i + j + 1, (1.0 - x) * y),
-            (SIGMAS * (i + 1) + j, x * (1.0 - y)),
-            (SIGMAS * (i + 1) + j + 1, x * y),
+        let pair = (SIGMAS * i + j) as u16;
+        at.corners[k] = [
+            (pair, (1.0 - x) * (1.0 - y)),
+            (pair + 1, (1.0 - x) * y),
+            (pair + SIGMAS as u16, x * (1.0 - y)),
+            (pair + SIGMAS as u16 + 1, x * y),
         ];
     }
+    let leaves = side.leaves.as_chunks::<PAIRS>().0.as_chunks::<2>().0.as_chunks::<2>().0;
     for (class, energy) in classes.iter().enumerate() {
         let mut any = 0.0f32;
         for e in energy {
@@ -175,68 +209,84 @@ fn light<const N: usize>(
         if any <= 0.0 {
             continue;
         }
-        let what = [0, 1, 2].map(|what| place.of(&side.caught[3 * class + what]));
+        let (Some(leaves), Some(functions)) =
+            (leaves.get(class), side.caught.get(3 * class..).and_then(|of| of.first_chunk::<3>()))
+        else {
+            continue;
+        };
+        let mut what = [[0.0; SIGMAS]; 3];
+        for (what, of) in what.iter_mut().zip(functions) {
+            place.add(of, what);
+        }
+        let mut caught = [[0.0; N]; 2];
         for k in 0..N {
-            if energy[k] <= 0.0 {
+            let (own, u) = nodes[class / CLASSES_A_KIND][k];
+            let mut of = [0.0; 3];
+            for i in 0..3 {
+                of[i] = (1.0 - u) * what[i][own % SIGMAS] + u * what[i][(own + 1) % SIGMAS];
+            }
+            // Shares change less with the absorption than energies do.
+            let per = energy[k] / max(of[2], 1e-6);
+            for cause in 0..2 {
+                // Less than nothing where bent yarns send out more than straight ones.
+                caught[cause][k] = sent[cause] * min(max(per * of[cause], -energy[k]), energy[k]);
+                at.caught[k] += caught[cause][k];
+            }
+        }
+        for cause in 0..2 {
+            if sent[cause] == 0.0 {
                 continue;
             }
-            let (own, u) = nodes[class / CLASSES_A_KIND][k];
-            let of = |what: &[f32; SIGMAS]| (1.0 - u) * what[own] + u * what[own + 1];
-            // Shares change less with the absorption than energies do.
-            let per = energy[k] / max(of(&what[2]), 1e-6);
-            for (cause, factor) in sent.into_iter().enumerate() {
-                if factor == 0.0 {
-                    continue;
-                }
-                // Less than nothing where bent yarns send out more than straight ones.
-                let caught = factor * min(max(per * of(&what[cause]), -energy[k]), energy[k]);
-                at.caught[k] += caught;
-                for half in 0..2 {
-                    let leaves = &side.leaves[PAIRS * (2 * (2 * class + cause) + half)..][..PAIRS];
-                    let mut mixed = [0.0f32; FEW];
-                    for (pair, share) in corners[k] {
-                        for n in 0..FEW {
-                            mixed[n] += share * leaves[pair][n];
-                        }
-                    }
-                    at.energy[half][k] += caught * min(max(dot(&mixed, &few), 0.0), 1.0);
+            for half in 0..2 {
+                for k in 0..N {
+                    let mixed = mixed(&leaves[cause][half], &at.corners[k]);
+                    at.energy[half][k] += caught[cause][k] * min(max(dot(&mixed, &few), 0.0), 1.0);
                 }
             }
         }
     }
-    for half in 0..2 {
-        let shapes = &side.shape[half * PAIRS..][..PAIRS];
-        for k in 0..N {
-            at.energy[half][k] = max(at.energy[half][k], 0.0);
-            let mixed = &mut at.shape[half][k];
-            for (pair, weight) in corners[k] {
-                for n in 0..TERMS {
-                    mixed[n] += weight * shapes[pair][n];
-                }
-            }
-        }
+    for energy in at.energy.as_flattened_mut() {
+        *energy = max(*energy, 0.0);
     }
+    at
+}
+
+#[multiversion(targets(
+    "x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+avx2+bmi1+bmi2+fma",
+    "x86_64+avx2+bmi1+bmi2+fma"
+))]
+fn eval<const N: usize>(shapes: &[Poly; PAIRS], corners: &[Corners; N], b: [f32; 3]) -> [f32; N] {
+    let (t, cos) = (terms(b), b[2].abs());
+    let mut f = [0.0; N];
+    for k in 0..N {
+        f[k] = max(dot(&mixed(shapes, &corners[k]), &t) * cos, 0.0);
+    }
+    f
 }
 
 /// The light between yarns for one direction, N absorptions.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct BetweenAt<const N: usize> {
+pub(crate) struct BetweenAt<'a, const N: usize> {
     up_sign: f32,
     /// `[leaves up, down]`.
     pub energy: [[f32; N]; 2],
     /// What other yarns catch of the first ply's light.
     pub caught: [f32; N],
-    shape: [[Poly; N]; 2],
+    /// `[leaves up, down][pair]`, of which each wavelength has a mean.
+    shapes: Option<&'a [[Poly; PAIRS]; 2]>,
+    corners: [Corners; N],
 }
 
-impl<const N: usize> BetweenAt<N> {
+impl<const N: usize> BetweenAt<'_, N> {
     /// No light, of a beam from `a`.
-    pub(crate) fn none(a: [f32; 3]) -> BetweenAt<N> {
+    #[inline(always)]
+    pub(crate) fn none(a: [f32; 3]) -> Self {
         BetweenAt {
             up_sign: if a[2] < 0.0 { -1.0 } else { 1.0 },
             energy: [[0.0; N]; 2],
             caught: [0.0; N],
-            shape: [[[0.0; TERMS]; N]; 2],
+            shapes: None,
+            corners: [[(0, 0.0); 4]; N],
         }
     }
 
@@ -255,8 +305,11 @@ impl<const N: usize> BetweenAt<N> {
     #[inline]
     pub(crate) fn eval(&self, b: [f32; 3]) -> [f32; N] {
         let half = usize::from(!self.is_up(b));
-        let t = terms(b);
-        let cos = b[2].abs();
-        std::array::from_fn(|k| self.energy[half][k] * (dot(&self.shape[half][k], &t) * cos).max(0.0))
+        let Some(shapes) = self.shapes else { return [0.0; N] };
+        let mut f = eval(&shapes[half], &self.corners, b);
+        for k in 0..N {
+            f[k] *= self.energy[half][k];
+        }
+        f
     }
 }

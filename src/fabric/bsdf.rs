@@ -7,7 +7,7 @@
 //! symmetric in wo and wi up to the ply models' own asymmetry, and energy is conserved either way
 //! (docs/explain/papers.md: departures from 7.1).
 
-use super::at::{FabricBsdf, NearPly, Passes, by_family};
+use super::at::{FabricBsdf, NearPly, Passes, by_family, in_pattern};
 use super::between::InterYarn;
 use super::color_of::{self, ColorOf};
 use super::dye::{Channels, Dye, colors_of, own_color, shares_of};
@@ -23,7 +23,7 @@ use crate::cloth::ClothSurface;
 use crate::color::AlbedoCurve;
 use crate::fiber::Reflections;
 use crate::gap::{Axis, GapBsdf, Slit, Spectrum};
-use crate::ply::{Lobes, PlyOn};
+use crate::ply::{Prepared, UncachedPly};
 use crate::spec::{GaussianBeam, YarnSpec};
 use crate::speckle::Instance;
 use crate::{PlyModel, PlyQuery, Result};
@@ -277,10 +277,19 @@ impl FabricModel {
     /// # Ok(())
     /// # }
     /// ```
+    #[inline(always)]
     pub fn at<'a, const N: usize>(&'a self, query: &FabricQuery<'a, N>) -> FabricBsdf<'a, N> {
-        let (mut at, position, wo) = FabricBsdf::start(query, |wo| self.far_at(query, wo));
-        if at.far_share() >= 1.0 {
-            return at;
+        // In its place: it is too large to move.
+        let mut at = FabricBsdf::empty();
+        self.fill(query, &mut at);
+        at
+    }
+
+    fn fill<'a, const N: usize>(&'a self, query: &FabricQuery<'a, N>, at: &mut FabricBsdf<'a, N>) {
+        let (turn, position, wo) = in_pattern(query);
+        at.turn = turn;
+        if at.is_far(self.far_at(query, wo)) {
+            return;
         }
         let mut firsts = [(0, [0.0; N]); MAX_NEAR + 1];
         let (mut count, mut last_other) = (0, 0);
@@ -294,15 +303,13 @@ impl FabricModel {
             let arrives = at.passing;
             let (r_d, energy) = if near.is_hit && at.main.is_none() {
                 at.is_double = hit.is_double;
-                let ply = self.near_ply(&near, model.unprepared(&ply_query).into_ply(), arrives, wo);
-                // In its place: lobes are large.
-                let main = at.main.insert(ply);
-                main.ply.prepare();
-                (main.energies(), main.energy)
+                let main = at.main.insert(self.near_ply(&near, model.uncached_at(&ply_query), arrives, wo));
+                main.ply.prepare_into(&mut at.prepared);
+                (main.energies(&at.prepared), main.energy)
             } else {
                 gap.close(&self.fabric, hit);
                 let ply = model.uncached_at(&ply_query);
-                let r_d = ply.albedo_r_d().1;
+                let r_d = ply.lit().albedo_r_d().1;
                 // Of less than this of the beam, what rims catch counts as passing.
                 if arrives * (1.0 - r_d) < MIN_CAUGHT {
                     continue;
@@ -322,7 +329,7 @@ impl FabricModel {
                     continue;
                 };
                 let ply = slot.insert(self.near_ply(&near, ply, arrives, wo));
-                ply.caught = 1.0 - ply.energies();
+                ply.caught = 1.0 - ply.energies(&Prepared::Nothing);
                 last_other = count;
                 (r_d, ply.energy)
             };
@@ -358,17 +365,17 @@ impl FabricModel {
             _ => Passes::Straight,
         };
         at.set_chances();
-        at
     }
 
     /// A ply near the line, of a beam of which the share `arrives` comes to it.
-    fn near_ply<'a, L: Lobes<N>, const N: usize>(
+    #[inline(always)]
+    fn near_ply<'a, const N: usize>(
         &'a self,
         near: &Candidate,
-        ply: PlyOn<'a, L, N>,
+        ply: UncachedPly<'a, N>,
         arrives: f32,
         wo: [f32; 3],
-    ) -> NearPly<'a, L, N> {
+    ) -> NearPly<'a, N> {
         let hit = &near.hit;
         NearPly {
             frame: hit.frame,
@@ -436,6 +443,7 @@ impl FabricModel {
 }
 
 impl ClothSurface for FabricModel {
+    #[inline(always)]
     fn surface_at<'a, const N: usize>(&'a self, query: &FabricQuery<'a, N>) -> FabricBsdf<'a, N> {
         self.at(query)
     }

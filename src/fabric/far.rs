@@ -526,7 +526,7 @@ impl<const N: usize> PliesAt<'_, N> {
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct FarAt<'a, const N: usize> {
     pub plies: PliesAt<'a, N>,
-    pub between: BetweenAt<N>,
+    pub between: BetweenAt<'a, N>,
     /// Energy that passes all plies, and the apertures that diffract it; straight on without.
     pub passing: f32,
     pub gaps: [Option<crate::gap::GapBsdf<'a, N>>; APERTURES],
@@ -538,7 +538,7 @@ pub(crate) struct FarAt<'a, const N: usize> {
 impl<'a, const N: usize> FarAt<'a, N> {
     pub(crate) fn new(
         plies: PliesAt<'a, N>,
-        between: BetweenAt<N>,
+        between: BetweenAt<'a, N>,
         passing: f32,
         gaps: [Option<crate::gap::GapBsdf<'a, N>>; APERTURES],
     ) -> Self {

@@ -12,7 +12,7 @@ use super::splines;
 use crate::gap::Slit;
 use crate::math::hash::SplitMix64;
 use crate::math::parallel;
-use crate::ply::{ByFirst, ExitsAt, LobeLight, UncachedPly};
+use crate::ply::{ByFirst, ExitsAt, LobeLight, UncachedPly, hit_chance};
 use crate::{PlyModel, PlyQuery};
 use std::f32::consts::PI;
 
@@ -70,7 +70,7 @@ impl<'a> Emitted<'a> {
     fn energy(&self) -> f32 {
         match self {
             Emitted::Lobes(ply) => ply.albedo()[0],
-            Emitted::Slits { clear, .. } => clear.albedo_r_d().0[0],
+            Emitted::Slits { clear, .. } => clear.lit().albedo_r_d().0[0],
         }
     }
 
@@ -78,8 +78,9 @@ impl<'a> Emitted<'a> {
         match self {
             Emitted::Lobes(ply) => ply.sample(u),
             Emitted::Slits { clear, dyed } => {
-                let (w, drawn) = clear.sample_lobes(clear.hit_chance(), u)?;
-                Some((w, LobeLight { pdf: drawn.pdf, ..dyed.eval_pdf_lobes(1.0, w) }))
+                let (albedo, r_d) = clear.lit().albedo_r_d();
+                let (w, drawn) = clear.lit().sample(hit_chance(&albedo, r_d), u)?;
+                Some((w, LobeLight { pdf: drawn.pdf, ..dyed.lit().eval_pdf(1.0, w) }))
             }
         }
     }

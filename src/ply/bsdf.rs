@@ -33,18 +33,12 @@ impl PlyModel {
     /// ```
     #[inline(always)]
     pub fn at<'a, const N: usize>(&'a self, query: &PlyQuery<'a, N>) -> PlyBsdf<'a, N> {
-        let mut bsdf = self.unprepared(query);
-        bsdf.prepare();
-        bsdf
-    }
-
-    /// The unprepared [`PlyModel::at`], for [`PlyBsdf::prepare`] to complete in place: its lobes are too
-    /// large to move.
-    #[inline(always)]
-    pub(crate) fn unprepared<'a, const N: usize>(&'a self, query: &PlyQuery<'a, N>) -> PlyBsdf<'a, N> {
         let lobes = self.cached(query.theta_i, query.h_um, query.sigma_per_um);
         let ply = PlyOn { model: self, query: *query, lobes, speckle: self.speckle(query) };
-        PlyBsdf { ply, two: None }
+        // Prepared in its place: lobes are too large to move.
+        let mut bsdf = PlyBsdf { ply, two: None };
+        bsdf.prepare();
+        bsdf
     }
 
     /// The model at a query, uncached: its lobes are interpolated at every call. For single calls.
@@ -82,13 +76,8 @@ pub struct PlyBsdf<'a, const N: usize> {
 }
 
 impl<'a, const N: usize> PlyBsdf<'a, N> {
-    /// The ply without a second layer, its lobes not yet prepared.
-    pub(crate) fn into_ply(self) -> PlyOn<'a, Cached<'a, N>, N> {
-        self.ply
-    }
-
     #[inline(always)]
-    pub(crate) fn prepare(&mut self) {
+    fn prepare(&mut self) {
         if self.ply.query.cached {
             self.ply.lobes.prepare();
         }

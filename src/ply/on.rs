@@ -1,8 +1,8 @@
 //! A ply without a second layer at a query, with cached or uncached lobes.
 
-use super::kernel::dispatch;
+use super::kernel::dispatch::{self, Prepared};
 use super::kernel::energy::Core;
-use super::kernel::lobes::{Cached, LobeLight, Lobes, Uncached};
+use super::kernel::lobes::{Kept, LobeLight, Lobes, Uncached};
 use super::model::PlyModel;
 use super::query::{PlyQuery, PlyTerms};
 use super::terms::{Drawn, Terms};
@@ -23,106 +23,31 @@ pub(crate) struct PlyOn<'a, L, const N: usize> {
     pub(super) speckle: Option<Speckle<'a, N>>,
 }
 
-impl<const N: usize> PlyOn<'_, Cached<'_, N>, N> {
-    /// Interpolates the lobes, in place.
+impl<const N: usize> UncachedPly<'_, N> {
+    /// Interpolates the lobes at the query, for [`PlyOn::lit_by`].
+    #[inline]
+    pub(crate) fn prepare_into(&self, prepared: &mut Prepared<N>) {
+        self.lobes.prepare(prepared);
+    }
+
+    /// Its lobes with what was prepared of them, or nothing.
     #[inline(always)]
-    pub(crate) fn prepare(&mut self) {
-        self.lobes.prepare();
+    pub(crate) fn kept<'b>(&'b self, prepared: &'b Prepared<N>) -> Kept<'b, N> {
+        Kept::new(&self.lobes, prepared)
     }
 }
 
 impl<L: Lobes<N>, const N: usize> PlyOn<'_, L, N> {
-    /// Energies of f_refl + f_high and of the missed light.
-    pub(crate) fn albedo_r_d(&self) -> ([f32; N], f32) {
-        let energies = self.lobes.energies();
-        (energies.albedo(), energies.r_d)
+    /// Its light.
+    #[inline(always)]
+    pub(crate) fn lit(&self) -> Lit<'_, L, N> {
+        self.lit_by(&self.lobes)
     }
 
-    /// f_refl + f_high, with the instance's patterns.
-    pub(crate) fn eval_lobes(&self, w: [f32; 3]) -> [f32; N] {
-        let light = match self.query.slit {
-            None => self.light(w, 1.0, |lobes| lobes.eval(w)),
-            Some(slit) => self.slit_light(slit, 1.0, w),
-        };
-        std::array::from_fn(|k| light.refl[k] + light.high[k])
-    }
-
-    /// Chance of a lobe when a sample chooses between the lobes and missed light.
-    pub(crate) fn hit_chance(&self) -> f32 {
-        let (albedo, r_d) = self.albedo_r_d();
-        let mean = albedo.iter().sum::<f32>() / N.max(1) as f32;
-        if mean > 0.0 { mean / (mean + r_d) } else { 0.0 }
-    }
-
-    /// The lobes in a direction; `hit` is [`PlyOn::hit_chance`].
-    #[inline]
-    pub(crate) fn eval_pdf_lobes(&self, hit: f32, w: [f32; 3]) -> LobeLight<N> {
-        match self.query.slit {
-            None => self.light(w, hit, |lobes| lobes.eval_pdf(w)),
-            Some(slit) => self.slit_light(slit, hit, w),
-        }
-    }
-
-    /// The lobes in a direction, without the density.
-    #[inline]
-    pub(crate) fn eval_apart(&self, w: [f32; 3]) -> LobeLight<N> {
-        match self.query.slit {
-            None => self.light(w, 0.0, |lobes| lobes.eval(w)),
-            Some(slit) => self.slit_light(slit, 1.0, w),
-        }
-    }
-
-    /// Density of the lobes alone.
-    #[inline]
-    pub(crate) fn pdf_lobes(&self, hit: f32, w: [f32; 3]) -> f32 {
-        if let Some(slit) = self.query.slit {
-            return self.slit_light(slit, hit, w).pdf;
-        }
-        if hit > 0.0 { self.lobes.eval_pdf(w).pdf / hit } else { 0.0 }
-    }
-
-    /// A direction sampled from the lobes, with [`PlyOn::eval_pdf_lobes`] there.
-    #[inline]
-    pub(crate) fn sample_lobes(&self, hit: f32, u: [f32; 3]) -> Option<([f32; 3], LobeLight<N>)> {
-        // The last numbers belong to missed light.
-        let u = [(u[0] * hit).min(hit * (1.0 - 1e-6)), u[1], u[2]];
-        if let Some(slit) = self.query.slit {
-            let w = self.all().slit_direction(slit, u).ok().flatten()?;
-            return Some((w, self.slit_light(slit, hit, w)));
-        }
-        let (w, core) = self.lobes.sample(u);
-        let w = w?;
-        Some((w, self.light(w, hit, |_| core)))
-    }
-
-    /// The result of `of` on the lobes, with the patterns. The tiles are prefetched before the lobes are
-    /// summed, so that their memory arrives meanwhile.
-    #[inline]
-    fn light(&self, w: [f32; 3], hit: f32, of: impl FnOnce(&L) -> Core<N>) -> LobeLight<N> {
-        let lookup = self.speckle.as_ref().map(|speckle| speckle.look(w));
-        let Core { refl, mut high, pdf, .. } = of(&self.lobes);
-        let mut refl = [refl; N];
-        if let Some(lookup) = lookup {
-            let (of_refl, of_high) = lookup.factors();
-            for k in 0..N {
-                refl[k] *= of_refl[k];
-                high[k] *= of_high[k];
-            }
-        }
-        LobeLight { refl, high, pdf: if hit > 0.0 { pdf / hit } else { 0.0 } }
-    }
-
-    /// [`PlyOn::eval_pdf_lobes`] with a slit: its share of f_high is replaced by slit light, which has no
-    /// patterns. The lobes are interpolated at every call.
-    #[inline(never)]
-    fn slit_light(&self, slit: &Slit, hit: f32, w: [f32; 3]) -> LobeLight<N> {
-        let (core, diffracted, pdf) = self.all().slit_lobes(slit, w);
-        let mut light = self.light(w, hit, |_| core);
-        for k in 0..N {
-            light.high[k] += diffracted[k];
-        }
-        light.pdf += if hit > 0.0 { pdf / hit } else { 0.0 };
-        light
+    /// Its light by lobes of the same incidence.
+    #[inline(always)]
+    pub(crate) fn lit_by<'b, K: Lobes<N>>(&'b self, lobes: &'b K) -> Lit<'b, K, N> {
+        Lit { model: self.model, query: &self.query, lobes, speckle: self.speckle.as_ref() }
     }
 
     /// Light diffracted at the ply's edge, for a beam that passes entirely, and the density of sampling it;
@@ -159,6 +84,116 @@ impl<L: Lobes<N>, const N: usize> PlyOn<'_, L, N> {
     #[inline]
     fn has_edge(&self) -> bool {
         self.query.edge && self.model.has_edge()
+    }
+}
+
+/// Chance of a lobe when a sample chooses between lobes of these energies and missed light.
+#[inline]
+pub(crate) fn hit_chance<const N: usize>(albedo: &[f32; N], r_d: f32) -> f32 {
+    let mean = albedo.iter().sum::<f32>() / N.max(1) as f32;
+    if mean > 0.0 { mean / (mean + r_d) } else { 0.0 }
+}
+
+/// The lobes of a ply at a query, with its patterns.
+#[derive(Clone, Copy)]
+pub(crate) struct Lit<'b, L, const N: usize> {
+    model: &'b PlyModel,
+    query: &'b PlyQuery<'b, N>,
+    lobes: &'b L,
+    speckle: Option<&'b Speckle<'b, N>>,
+}
+
+impl<L: Lobes<N>, const N: usize> Lit<'_, L, N> {
+    /// Energies of f_refl + f_high and of the missed light.
+    #[inline]
+    pub(crate) fn albedo_r_d(&self) -> ([f32; N], f32) {
+        let energies = self.lobes.energies();
+        (energies.albedo(), energies.r_d)
+    }
+
+    /// f_refl + f_high.
+    pub(crate) fn eval(&self, w: [f32; 3]) -> [f32; N] {
+        let light = match self.query.slit {
+            None => self.light(w, 1.0, |lobes| lobes.eval(w)),
+            Some(slit) => self.slit_light(slit, 1.0, w),
+        };
+        std::array::from_fn(|k| light.refl[k] + light.high[k])
+    }
+
+    /// The light in a direction; `hit` is [`hit_chance`].
+    #[inline]
+    pub(crate) fn eval_pdf(&self, hit: f32, w: [f32; 3]) -> LobeLight<N> {
+        match self.query.slit {
+            None => self.light(w, hit, |lobes| lobes.eval_pdf(w)),
+            Some(slit) => self.slit_light(slit, hit, w),
+        }
+    }
+
+    /// The light in a direction, without the density.
+    #[inline]
+    pub(crate) fn eval_apart(&self, w: [f32; 3]) -> LobeLight<N> {
+        match self.query.slit {
+            None => self.light(w, 0.0, |lobes| lobes.eval(w)),
+            Some(slit) => self.slit_light(slit, 1.0, w),
+        }
+    }
+
+    /// The density alone.
+    #[inline]
+    pub(crate) fn pdf(&self, hit: f32, w: [f32; 3]) -> f32 {
+        if let Some(slit) = self.query.slit {
+            return self.slit_light(slit, hit, w).pdf;
+        }
+        if hit > 0.0 { self.lobes.eval_pdf(w).pdf / hit } else { 0.0 }
+    }
+
+    /// A direction sampled from the lobes, with [`Lit::eval_pdf`] there.
+    #[inline]
+    pub(crate) fn sample(&self, hit: f32, u: [f32; 3]) -> Option<([f32; 3], LobeLight<N>)> {
+        // The last numbers belong to missed light.
+        let u = [(u[0] * hit).min(hit * (1.0 - 1e-6)), u[1], u[2]];
+        if let Some(slit) = self.query.slit {
+            let w = self.terms().slit_direction(slit, u).ok().flatten()?;
+            return Some((w, self.slit_light(slit, hit, w)));
+        }
+        let (w, core) = self.lobes.sample(u);
+        let w = w?;
+        Some((w, self.light(w, hit, |_| core)))
+    }
+
+    /// The result of `of` on the lobes, with the patterns. The tiles are prefetched before the lobes are
+    /// summed, so that their memory arrives meanwhile.
+    #[inline]
+    fn light(&self, w: [f32; 3], hit: f32, of: impl FnOnce(&L) -> Core<N>) -> LobeLight<N> {
+        let lookup = self.speckle.map(|speckle| speckle.look(w));
+        let Core { refl, mut high, pdf, .. } = of(self.lobes);
+        let mut refl = [refl; N];
+        if let Some(lookup) = lookup {
+            let (of_refl, of_high) = lookup.factors();
+            for k in 0..N {
+                refl[k] *= of_refl[k];
+                high[k] *= of_high[k];
+            }
+        }
+        LobeLight { refl, high, pdf: if hit > 0.0 { pdf / hit } else { 0.0 } }
+    }
+
+    /// [`Lit::eval_pdf`] with a slit: its share of f_high is replaced by slit light, which has no patterns.
+    /// The lobes are interpolated at every call.
+    #[inline(never)]
+    fn slit_light(&self, slit: &Slit, hit: f32, w: [f32; 3]) -> LobeLight<N> {
+        let (core, diffracted, pdf) = self.terms().slit_lobes(slit, w);
+        let mut light = self.light(w, hit, |_| core);
+        for k in 0..N {
+            light.high[k] += diffracted[k];
+        }
+        light.pdf += if hit > 0.0 { pdf / hit } else { 0.0 };
+        light
+    }
+
+    #[inline]
+    fn terms(&self) -> Terms<'_, L, N> {
+        Terms { model: self.model, query: self.query, lobes: self.lobes }
     }
 }
 

@@ -20,7 +20,7 @@ impl PlyModel {
     /// without layer factors.
     pub fn forward_energy<const N: usize>(&self, theta_i: f32, h_um: f32, sigma_per_um: [f32; N]) -> Option<[f32; N]> {
         let at = self.uncached_at(&PlyQuery::lobes(theta_i, h_um, sigma_per_um));
-        let (all, r_d) = at.albedo_r_d();
+        let (all, r_d) = at.lit().albedo_r_d();
         let (_, forward) = layer_and_forward(self.layer_tables()?, theta_i, h_um, r_d, &sigma_per_um);
         Some(std::array::from_fn(|k| forward[k].min(all[k])))
     }
@@ -57,7 +57,7 @@ fn both<const N: usize>(light: &LobeLight<N>) -> ([f32; N], f32) {
 impl<const N: usize> TwoLayered<N> {
     pub(crate) fn new(upper: &PlyOn<'_, impl Lobes<N>, N>, below: &Layer<N>) -> Option<TwoLayered<N>> {
         let PlyQuery { theta_i, h_um, sigma_per_um, .. } = upper.query;
-        let (scattered, r_d) = upper.albedo_r_d();
+        let (scattered, r_d) = upper.lit().albedo_r_d();
         let (layer, mut forward) = layer_and_forward(upper.model.layer_tables()?, theta_i, h_um, r_d, &sigma_per_um);
         let below = &below.conserved();
         let two = layer.over(below);
@@ -110,7 +110,7 @@ impl<const N: usize> TwoLayered<N> {
     pub(crate) fn eval(&self, upper: &PlyOn<'_, impl Lobes<N>, N>, wo: [f32; 3]) -> [f32; N] {
         let y = if is_direction(wo) { wo[1].clamp(-1.0, 1.0) } else { 0.0 };
         if y > 0.0 {
-            let lobes = upper.eval_lobes(wo);
+            let lobes = upper.lit().eval(wo);
             std::array::from_fn(|k| lobes[k] + self.above[k] * y / PI)
         } else {
             self.below.map(|e| e * -y / PI)
@@ -123,14 +123,14 @@ impl<const N: usize> TwoLayered<N> {
         }
         let mut pdf = self.diffuse * self.diffuse_pdf(wo[1]);
         if self.diffuse < 1.0 {
-            pdf += (1.0 - self.diffuse) * upper.pdf_lobes(self.hit, wo);
+            pdf += (1.0 - self.diffuse) * upper.lit().pdf(self.hit, wo);
         }
         pdf
     }
 
     pub(crate) fn eval_pdf(&self, upper: &PlyOn<'_, impl Lobes<N>, N>, wo: [f32; 3]) -> ([f32; N], f32) {
         if is_direction(wo) {
-            self.over(wo, both(&upper.eval_pdf_lobes(self.hit, wo)))
+            self.over(wo, both(&upper.lit().eval_pdf(self.hit, wo)))
         } else {
             (self.eval(upper, wo), 0.0)
         }
@@ -147,10 +147,10 @@ impl<const N: usize> TwoLayered<N> {
             let radius = crate::math::simd::signed(u[1].sqrt(), sign);
             let y = (1.0 - u[1]).max(0.0).sqrt();
             let wo = [radius * c, if side < self.up { y } else { -y }, radius * s];
-            (wo, both(&upper.eval_pdf_lobes(self.hit, wo)))
+            (wo, both(&upper.lit().eval_pdf(self.hit, wo)))
         } else {
             let first = (u[0] - self.diffuse) / (1.0 - self.diffuse);
-            match upper.sample_lobes(self.hit, [first, u[1], u[2]]) {
+            match upper.lit().sample(self.hit, [first, u[1], u[2]]) {
                 Some((wo, light)) => (wo, both(&light)),
                 None => return BsdfSample::Absorbed,
             }

@@ -148,7 +148,7 @@ fn tan(theta: f32) -> f32 {
 
 /// The line on which light exits, in units of R: at its point nearest to the ply's axis it passes the axis
 /// `-t` along `w cross z`, `s` further along z than the incident line.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct ExitLine {
     pub t: f32,
     pub s: f32,
@@ -185,15 +185,19 @@ impl ExitsAt {
         let (x, y) = (wo[0] * per, wo[1] * per);
         let terms = exit_terms(x, y);
         let tan = (wo[2] * per).clamp(-MAX_TAN, MAX_TAN);
-        std::array::from_fn(|kind| {
+        // A closure for `from_fn` would be called.
+        let mut lines = [ExitLine::default(); EXIT_KINDS];
+        for (kind, line) in lines.iter_mut().enumerate() {
             let c = &self.mean[kind];
             let mut sum = 0.0;
             for i in 0..EXIT_TERMS {
                 sum += c[i] * terms[i];
             }
-            let ([px, py], t) = ([-c[2], c[1]], sum.clamp(-1.0, 1.0));
-            ExitLine { t, s: py * self.tan - (px * x + py * y) * tan, density: shapes[kind].density(t) }
-        })
+            let ([px, py], t) = ([-c[2], c[1]], min(max(sum, -1.0), 1.0));
+            let s = py * self.tan - (px * x + py * y) * tan;
+            *line = ExitLine { t, s, density: shapes[kind].density(t) };
+        }
+        lines
     }
 
     /// Share v of the kind of clear fibers.
@@ -236,7 +240,7 @@ impl ExitShape {
     }
 
     /// The density with this mean.
-    #[inline]
+    #[inline(always)]
     pub(crate) fn density(&self, mean: f32) -> ExitDensity {
         const PER: f32 = (MEANS - 1) as f32 / MAX_MEAN;
         let x = min(mean.abs(), MAX_MEAN) * PER;
@@ -245,7 +249,7 @@ impl ExitShape {
         let s = x - node as f32;
         let (mode, length) = ((a[0] + s * (b[0] - a[0])).copysign(mean), a[1] + s * (b[1] - a[1]));
         let per = std::f32::consts::LOG2_E / length;
-        let [tail, other] = [-1.0 - mode, mode - 1.0].map(|v| exp2::<false>(v * per));
+        let (tail, other) = (exp2::<false>((-1.0 - mode) * per), exp2::<false>((mode - 1.0) * per));
         ExitDensity { mode, per, tail, per_all: 1.0 / (2.0 - tail - other) }
     }
 
@@ -279,7 +283,7 @@ fn shape(mean: f64, length: f64) -> [f64; 2] {
 }
 
 /// A density of [`ExitShape`].
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct ExitDensity {
     mode: f32,
     /// log2(e) over the length.

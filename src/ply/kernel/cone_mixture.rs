@@ -185,7 +185,7 @@ pub(in crate::ply) fn eval_batch<
 
 /// Prepared cone lobes at one incidence, for many directions: H high-order ones first, then those of f_refl.
 #[derive(Clone, Copy, Debug)]
-pub(in crate::ply) struct PreparedCones<const H: usize, const L: usize, const N: usize> {
+pub(crate) struct PreparedCones<const H: usize, const L: usize, const N: usize> {
     shapes: ConeShapes<L>,
     /// Factor from a value to its density: the lobe's mean over the absorptions, over the total energy.
     density: [f32; L],

@@ -198,7 +198,7 @@ type FastCones<const N: usize> = PreparedCones<MORE, LANES, N>;
 /// Prepared lobes of an incidence. They live on the stack of a host's query: a box would allocate.
 #[allow(clippy::large_enum_variant)]
 #[derive(Clone, Copy, Debug)]
-pub(in crate::ply) enum Prepared<const N: usize> {
+pub(crate) enum Prepared<const N: usize> {
     Few(FastLobes<FEW, N>),
     More(FastLobes<MORE, N>),
     Cone(FastCones<N>),

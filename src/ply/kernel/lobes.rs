@@ -70,21 +70,43 @@ pub(crate) struct Cached<'a, const N: usize> {
     prepared: Prepared<N>,
 }
 
-impl<const N: usize> Cached<'_, N> {
-    /// Prepares in place: lobes are too large to move.
-    pub(crate) fn prepare(&mut self) {
-        self.prepare_drawn_by(DrawnBy::Mean);
+impl<const N: usize> Uncached<'_, N> {
+    /// Prepares the lobes in place: they are too large to move.
+    #[inline]
+    pub(crate) fn prepare(&self, prepared: &mut Prepared<N>) {
+        self.prepare_drawn_by(DrawnBy::Mean, prepared);
     }
 
-    fn prepare_drawn_by(&mut self, drawn_by: DrawnBy) {
-        dispatch::run_prepare(
-            self.uncached.layout,
-            self.uncached.theta_i,
-            self.uncached.h_um,
-            &self.uncached.sigma_per_um,
-            drawn_by,
-            &mut self.prepared,
-        );
+    #[inline]
+    fn prepare_drawn_by(&self, drawn_by: DrawnBy, prepared: &mut Prepared<N>) {
+        dispatch::run_prepare(self.layout, self.theta_i, self.h_um, &self.sigma_per_um, drawn_by, prepared);
+    }
+}
+
+impl<const N: usize> Cached<'_, N> {
+    /// Prepares in place: lobes are too large to move.
+    #[inline]
+    pub(crate) fn prepare(&mut self) {
+        self.uncached.prepare(&mut self.prepared);
+    }
+
+    #[inline(always)]
+    fn kept(&self) -> Kept<'_, N> {
+        Kept::new(&self.uncached, &self.prepared)
+    }
+}
+
+/// Lobes with what [`Uncached::prepare`] made of them: [`Uncached`] of nothing.
+#[derive(Clone, Copy)]
+pub(crate) struct Kept<'a, const N: usize> {
+    uncached: &'a Uncached<'a, N>,
+    prepared: &'a Prepared<N>,
+}
+
+impl<'a, const N: usize> Kept<'a, N> {
+    #[inline(always)]
+    pub(crate) fn new(uncached: &'a Uncached<'a, N>, prepared: &'a Prepared<N>) -> Kept<'a, N> {
+        Kept { uncached, prepared }
     }
 }
 
@@ -125,10 +147,10 @@ impl<const N: usize> ByFirst<'_, N> {
     }
 }
 
-impl<const N: usize> Lobes<N> for Cached<'_, N> {
+impl<const N: usize> Lobes<N> for Kept<'_, N> {
     #[inline]
     fn eval(&self, wo: [f32; 3]) -> Core<N> {
-        match &self.prepared {
+        match self.prepared {
             Prepared::Nothing => self.uncached.eval(wo),
             kept => dispatch::kept_eval(kept, wo),
         }
@@ -136,7 +158,7 @@ impl<const N: usize> Lobes<N> for Cached<'_, N> {
 
     #[inline]
     fn eval_pdf(&self, wo: [f32; 3]) -> Core<N> {
-        match &self.prepared {
+        match self.prepared {
             Prepared::Nothing => self.uncached.eval_pdf(wo),
             kept => dispatch::kept_eval_pdf(kept, wo),
         }
@@ -144,7 +166,7 @@ impl<const N: usize> Lobes<N> for Cached<'_, N> {
 
     #[inline]
     fn sample(&self, u: [f32; 3]) -> (Option<[f32; 3]>, Core<N>) {
-        match &self.prepared {
+        match self.prepared {
             Prepared::Nothing => self.uncached.sample(u),
             kept => dispatch::kept_sample(kept, u),
         }
@@ -152,12 +174,34 @@ impl<const N: usize> Lobes<N> for Cached<'_, N> {
 
     #[inline]
     fn energies(&self) -> Energies<N> {
-        match &self.prepared {
+        match self.prepared {
             Prepared::Few(prepared) => prepared.energies,
             Prepared::More(prepared) => prepared.energies,
             Prepared::Cone(prepared) => prepared.energies,
             Prepared::Nothing => self.uncached.energies(),
         }
+    }
+}
+
+impl<const N: usize> Lobes<N> for Cached<'_, N> {
+    #[inline]
+    fn eval(&self, wo: [f32; 3]) -> Core<N> {
+        self.kept().eval(wo)
+    }
+
+    #[inline]
+    fn eval_pdf(&self, wo: [f32; 3]) -> Core<N> {
+        self.kept().eval_pdf(wo)
+    }
+
+    #[inline]
+    fn sample(&self, u: [f32; 3]) -> (Option<[f32; 3]>, Core<N>) {
+        self.kept().sample(u)
+    }
+
+    #[inline]
+    fn energies(&self) -> Energies<N> {
+        self.kept().energies()
     }
 }
 
@@ -175,7 +219,7 @@ impl PlyModel {
     /// The lobes at an incidence, interpolated once, for directions sampled by the first absorption.
     pub(crate) fn by_first<const N: usize>(&self, theta_i: f32, h_um: f32, sigma_per_um: [f32; N]) -> ByFirst<'_, N> {
         let mut lobes = self.cached(theta_i, h_um, sigma_per_um);
-        lobes.prepare_drawn_by(DrawnBy::First);
+        lobes.uncached.prepare_drawn_by(DrawnBy::First, &mut lobes.prepared);
         let energies = lobes.energies();
         let of_first = energies.albedo().first().copied().unwrap_or(0.0);
         let hit = if of_first > 0.0 { of_first / (of_first + energies.r_d) } else { 0.0 };

@@ -10,7 +10,7 @@ use crate::ply::asg::PARAMS;
 
 /// Lobes in L lanes, H high-order ones first, then those of f_refl, for N absorptions.
 #[derive(Clone, Copy, Debug)]
-pub(in crate::ply) struct PreparedLobes<const H: usize, const L: usize, const N: usize> {
+pub(crate) struct PreparedLobes<const H: usize, const L: usize, const N: usize> {
     /// Sines and cosines of the angles.
     axes: [[f32; L]; PARAMS],
     s1: [f32; L],
