@@ -13,6 +13,7 @@ mod lattice;
 mod lines;
 mod make;
 mod model;
+mod nearest;
 mod plies;
 mod rules;
 mod shade;

@@ -32,8 +32,6 @@ pub(super) struct Block {
     pub chord2: [f32; LANES],
     /// Square of the distance from its chord within which a line may hit; negative in empty lanes.
     pub reach2: [f32; LANES],
-    /// Heights between which a line may be nearest to the chords [um].
-    pub heights: [f32; 2],
     pub piece: [u32; LANES],
     /// Cells by which the piece is moved.
     pub cells: [[i16; 2]; LANES],
@@ -58,6 +56,8 @@ pub(super) struct Grid {
     /// First block of each bucket, and their number.
     pub first: Vec<u32>,
     pub blocks: Vec<Block>,
+    /// Heights between which a line may be nearest to the chords of each block [um].
+    pub heights: Vec<[f32; 2]>,
     pub pieces: Vec<Piece>,
     pub half_thickness_um: f32,
 }
@@ -123,7 +123,7 @@ impl Grid {
                 }
             }
         }
-        let (mut first, mut blocks) = (vec![0], Vec::<Block>::new());
+        let (mut first, mut blocks, mut heights) = (vec![0], Vec::<Block>::new(), Vec::new());
         for list in &mut lists {
             // From below: lines go through the height of few blocks.
             let middle = |piece: u32| {
@@ -137,11 +137,11 @@ impl Grid {
                     chord: [[1.0; LANES]; 3],
                     chord2: [3.0; LANES],
                     reach2: [-1.0; LANES],
-                    heights: [f32::INFINITY, f32::NEG_INFINITY],
                     piece: [0; LANES],
                     cells: [[0; 2]; LANES],
                 };
                 block.cubic[1] = [[1.0; LANES]; 3];
+                let (mut bottom, mut top) = (f32::INFINITY, f32::NEG_INFINITY);
                 for (lane, (piece, cells)) in chunk.iter().enumerate() {
                     let (cubic, reach) = cubics[*piece as usize];
                     let by = lattice.vector(*cells);
@@ -155,13 +155,14 @@ impl Grid {
                     (0..3).for_each(|k| block.chord[k][lane] = chord[k] as f32);
                     block.chord2[lane] = dot(chord, chord) as f32;
                     let ends = [cubic[0][2], cubic[0][2] + chord[2]];
-                    block.heights[0] = block.heights[0].min((ends[0].min(ends[1]) - reach) as f32);
-                    block.heights[1] = block.heights[1].max((ends[0].max(ends[1]) + reach) as f32);
+                    bottom = bottom.min((ends[0].min(ends[1]) - reach) as f32);
+                    top = top.max((ends[0].max(ends[1]) + reach) as f32);
                     block.reach2[lane] = (reach * reach) as f32;
                     block.piece[lane] = *piece;
                     block.cells[lane] = cells.map(|c| c as i16);
                 }
                 blocks.push(block);
+                heights.push([bottom, top]);
             }
             first.push(blocks.len() as u32);
         }
@@ -172,13 +173,24 @@ impl Grid {
             counts,
             first,
             blocks,
+            heights,
             pieces,
             half_thickness_um: half as f32,
         })
     }
 
+    /// Blocks of a bucket from below, and their heights.
+    #[inline(always)]
+    pub fn of_bucket(&self, number: usize) -> (&[Block], &[[f32; 2]]) {
+        let range = self.first[number] as usize..self.first[number + 1] as usize;
+        (&self.blocks[range.clone()], &self.heights[range])
+    }
+
     pub fn memory_bytes(&self) -> usize {
-        size_of_val(self.first.as_slice()) + size_of_val(self.blocks.as_slice()) + size_of_val(self.pieces.as_slice())
+        size_of_val(self.first.as_slice())
+            + size_of_val(self.blocks.as_slice())
+            + size_of_val(self.heights.as_slice())
+            + size_of_val(self.pieces.as_slice())
     }
 }
 

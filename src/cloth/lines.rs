@@ -1,40 +1,34 @@
 //! Lines through a cloth of curves: which plies a line hits, in order.
 //!
 //! A line walks through the buckets of a grid (`grid.rs`); in each it finds its distance to the chords of the
-//! pieces of curve there. Blocks of pieces in which one is near enough are refined by Newton's steps on `(p(u) - x - t w) . p'(u) = 0`, all lanes at once. A chord
-//! counts in the bucket in which the line is nearest to it, a place on a curve in the piece that holds it:
-//! each hit is found once.
+//! pieces of curve there, block by block as it comes to their heights. Blocks of pieces in which one is near
+//! enough are refined by Newton's steps on `(p(u) - x - t w) . p'(u) = 0`, all lanes at once. A chord counts in
+//! the bucket in which the line is nearest to it, a place on a curve in the piece that holds it: each hit is
+//! found once.
 
 use super::ClothCurves;
-use super::grid::{Block, Grid, LANES, Piece};
+use super::grid::{Grid, LANES, Piece};
+use super::nearest::{Found, near, refine};
 use crate::Result;
 use crate::fabric::shadow::AxisAt;
 use crate::math::simd::{max, min};
 use crate::math::vec3::{cross, dot};
-use multiversion::multiversion;
+use multiversion::{multiversion, target::target_cfg_f};
 
 /// Most hits of a line that are kept: the nearest.
 pub const MAX_HITS: usize = 24;
 /// Buckets that a line walks through at most: what grazes for longer counts as gone.
 const MAX_STEPS: usize = 4096;
-/// Most steps of Newton's method, and the step over a piece's length at which it ends, and beyond which its
-/// last place is none. Lines across a curve take two, lines along one more.
-const ROUNDS: usize = 8;
-const CLOSE: f32 = 5e-3;
-const AWAY: f32 = 0.05;
 /// Squared sine of a line's angle to a curve below which its way in the ply counts as no longer: by then
 /// the curve has bent away.
 const MIN_SINE2: f32 = 0.01;
-/// How far beyond its ends a piece is searched, over its length, and the square of how far beyond its chord
-/// a line may be nearest to it.
-const SLACK: f32 = 0.25;
-const BEYOND2: f32 = 0.16;
-/// Squared sine of the angle between line and piece from which on that is looked at.
-const ACROSS: f32 = 0.5;
 /// Room about heights [um].
 const MARGIN_UM: f32 = 1e-3;
-/// Share of light that is not followed.
+/// Share of light that is not followed, and how far plies are looked for beyond those that leave no more, over
+/// the largest radius: the next one behind them.
 const MIN_LEFT: f32 = 3e-4;
+const BEYOND: f32 = 3.0;
+
 /// A ply that a line hits.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct LineHit {
@@ -218,7 +212,7 @@ impl ClothLines {
     }
 
     /// As [`ClothLines::hits`], until hardly any light is left: `passes` says of a hit which share of it
-    /// passes the ply. Beyond, hits are missing or not.
+    /// passes the ply. Of those behind, the nearest are there.
     pub(crate) fn hits_while(
         &self,
         from: [f32; 3],
@@ -241,6 +235,7 @@ fn walk<F: FnMut(&LineHit) -> f32>(
     hits: &mut LineHits,
     mut passes: F,
 ) {
+    const FMA: bool = target_cfg_f!(target_feature = "fma") || cfg!(target_arch = "aarch64");
     hits.count = 0;
     // The way until the line has left the cloth, and the way to where it comes in.
     let half = cloth.grid.half_thickness_um;
@@ -262,167 +257,81 @@ fn walk<F: FnMut(&LineHit) -> f32>(
         let at = (bucket[k] + i32::from(step[k] > 0)) as f32 / counts[k];
         if per_rate[k].is_finite() { (at - start[k]) * per_rate[k] } else { f32::INFINITY }
     };
+    let mut next = [border(bucket, 0), border(bucket, 1)];
+    let mut here = [0, 1].map(|k| bucket[k].rem_euclid(cloth.grid.counts[k]));
+    let mut cell = [0, 1].map(|k| bucket[k].div_euclid(cloth.grid.counts[k]));
     let (mut at, mut left, last) = (begin, 1.0, end);
+    // Way to the place nearest to the furthest ply, and to where plies count no more.
+    let (mut deepest, mut stop) = (0.0, f32::INFINITY);
     for _ in 0..MAX_STEPS {
-        let next = [border(bucket, 0), border(bucket, 1)];
         let leave = max(min(min(next[0], next[1]), end), at);
-        let here = [0, 1].map(|k| bucket[k].rem_euclid(cloth.grid.counts[k]));
-        let cell = [0, 1].map(|k| bucket[k].div_euclid(cloth.grid.counts[k]));
         let [a, b] = cloth.grid.cell;
-        let [i, j] = cell.map(|c| c as f32);
+        let [i, j] = [cell[0] as f32, cell[1] as f32];
         // The line's start, relative to the corner of this cell.
         let origin = [from[0] - i * a[0] - j * b[0], from[1] - i * a[1] - j * b[1], from[2]];
         let number = (here[0] * cloth.grid.counts[1] + here[1]) as usize;
         // A line of one bucket has no borders.
         let least = if at == begin { f32::NEG_INFINITY } else { at };
         let most = if leave >= last { f32::INFINITY } else { leave };
-        let [z, z_to] = [at, leave].map(|way| from[2] + way * w[2]);
-        let (low, high) = (min(z, z_to) - MARGIN_UM, max(z, z_to) + MARGIN_UM);
-        for block in &cloth.grid.blocks[cloth.grid.first[number] as usize..cloth.grid.first[number + 1] as usize] {
-            if block.heights[0] > high || block.heights[1] < low {
+        let mut reached = heights(from, w, [at, leave]);
+        let (blocks, between) = cloth.grid.of_bucket(number);
+        for i in 0..between.len() {
+            // As the line comes to them.
+            let i = if w[2] < 0.0 { between.len() - 1 - i } else { i };
+            if between[i][0] > reached[1] || between[i][1] < reached[0] {
                 continue;
             }
-            let Some(mut found) = near(block, origin, w, [least, most]) else { continue };
-            refine(block, origin, w, &mut found);
+            let Some(block) = blocks.get(i) else { continue };
+            let Some(near) = near::<FMA>(block, origin, w, [least, most]) else { continue };
+            let found = refine::<FMA>(block, origin, w, &near);
             for l in 0..LANES {
-                let radius = cloth.splines[cloth.grid.pieces[block.piece[l] as usize].curve as usize].radius;
-                if found.counts[l] > 0.0 && found.h2[l] < radius * radius && (0.0..1.0).contains(&found.u[l]) {
-                    let mut hit = hit(cloth, &cloth.grid.pieces[block.piece[l] as usize], &found, l, w);
-                    hit.cells = [0, 1].map(|k| i32::from(block.cells[l][k]) + cell[k]);
-                    if hit.nearest_um >= 0.0 {
-                        left *= passes(&hit);
-                        hits.add(hit);
-                    }
+                if found.counts[l] == 0 {
+                    continue;
                 }
+                let piece = &cloth.grid.pieces[block.piece[l] as usize];
+                let radius = cloth.splines[piece.curve as usize].radius;
+                if found.h2[l] >= radius * radius || found.way[l] < 0.0 || found.way[l] > stop {
+                    continue;
+                }
+                let mut hit = hit((piece, radius), &found, l, w);
+                hit.cells = [0, 1].map(|k| i32::from(block.cells[l][k]) + cell[k]);
+                deepest = max(deepest, hit.nearest_um);
+                left *= passes(&hit);
+                hits.add(hit);
+            }
+            if left < MIN_LEFT && stop == f32::INFINITY {
+                // Plies that come next may be entered before those that were hit.
+                stop = deepest + BEYOND * cloth.largest_um;
+                end = min(end, stop);
+                reached = heights(from, w, [at, max(min(leave, end), at)]);
             }
         }
         if leave >= end {
             break;
         }
-        if left < MIN_LEFT && end == last {
-            // Plies that come next may be entered before those that were hit.
-            end = min(end, leave + 2.0 * cloth.largest_um);
-        }
         let k = usize::from(next[1] < next[0]);
         bucket[k] += step[k];
+        next[k] = border(bucket, k);
+        here[k] += step[k];
+        if here[k] < 0 || here[k] >= cloth.grid.counts[k] {
+            here[k] -= step[k] * cloth.grid.counts[k];
+            cell[k] += step[k];
+        }
         at = leave;
     }
 }
 
-/// Lanes of a block that a line may hit.
-struct Near {
-    /// 1 where it may, 0 elsewhere.
-    counts: [f32; LANES],
-    /// Parameter of the piece.
-    u: [f32; LANES],
-    /// Point from the line's start, first and second derivative.
-    point: [[f32; LANES]; 3],
-    d: [[f32; LANES]; 3],
-    dd: [[f32; LANES]; 3],
-    /// Way along the line, and squared distance from it.
-    way: [f32; LANES],
-    h2: [f32; LANES],
-}
-
-/// The lanes whose chords the line comes near on its way from `least` to `most`; `None` where there is none.
+/// Heights between which a part of a line lies.
 #[inline(always)]
-fn near(block: &Block, origin: [f32; 3], w: [f32; 3], [least, most]: [f32; 2]) -> Option<Near> {
-    let (mut u, mut counts) = ([0.0f32; LANES], [0.0f32; LANES]);
-    for l in 0..LANES {
-        let (p, d) = (&block.cubic[0], [block.chord[0][l], block.chord[1][l], block.chord[2][l]]);
-        let e = [p[0][l] - origin[0], p[1][l] - origin[1], p[2][l] - origin[2]];
-        let ew = e[0] * w[0] + e[1] * w[1] + e[2] * w[2];
-        let dw = d[0] * w[0] + d[1] * w[1] + d[2] * w[2];
-        let ed = e[0] * d[0] + e[1] * d[1] + e[2] * d[2] - ew * dw;
-        let all = block.chord2[l];
-        let dd = all - dw * dw;
-        let ee = e[0] * e[0] + e[1] * e[1] + e[2] * e[2] - ew * ew;
-        let free = -ed / max(dd, 1e-6);
-        let s = min(max(free, 0.0), 1.0);
-        let near2 = ee + s * (2.0 * ed + s * dd);
-        let way = ew + s * dw;
-        // Of lines across a piece that are nearest beyond its ends, the place lies in the next one.
-        let beyond = if dd > ACROSS * all { (free - s) * (free - s) * dd } else { 0.0 };
-        let over = max(max(near2 - block.reach2[l], beyond - BEYOND2 * all), max(least - way, way - most));
-        u[l] = s;
-        counts[l] = if over <= 0.0 { 1.0 } else { 0.0 };
-    }
-    let any = counts.iter().fold(0.0f32, |sum, c| sum + c) > 0.0;
-    any.then_some(Near {
-        counts,
-        u,
-        point: [[0.0; LANES]; 3],
-        d: [[0.0; LANES]; 3],
-        dd: [[0.0; LANES]; 3],
-        way: [0.0; LANES],
-        h2: [0.0; LANES],
-    })
-}
-
-/// Moves the parameters to where the line is nearest to the curves. Lanes that do not get there are near no
-/// more.
-#[inline(always)]
-fn refine(block: &Block, origin: [f32; 3], w: [f32; 3], near: &mut Near) {
-    let mut moved = [0.0f32; LANES];
-    for round in 0..=ROUNDS {
-        let mut sums = [[0.0f32; LANES]; 7];
-        for k in 0..3 {
-            let [c0, c1, c2, c3] = [0, 1, 2, 3].map(|power: usize| &block.cubic[power][k]);
-            let (x, w) = (origin[k], w[k]);
-            let (mut p, mut d, mut dd) = ([0.0f32; LANES], [0.0f32; LANES], [0.0f32; LANES]);
-            for l in 0..LANES {
-                let u = near.u[l];
-                p[l] = c0[l] - x + u * (c1[l] + u * (c2[l] + u * c3[l]));
-                d[l] = c1[l] + u * (2.0 * c2[l] + u * 3.0 * c3[l]);
-                dd[l] = 2.0 * c2[l] + 6.0 * u * c3[l];
-            }
-            for l in 0..LANES {
-                sums[0][l] += p[l] * w;
-                sums[1][l] += d[l] * w;
-                sums[2][l] += dd[l] * w;
-                sums[3][l] += p[l] * d[l];
-                sums[4][l] += d[l] * d[l];
-                sums[5][l] += p[l] * dd[l];
-                sums[6][l] += p[l] * p[l];
-            }
-            (near.point[k], near.d[k], near.dd[k]) = (p, d, dd);
-        }
-        let [pw, dw, ddw, pd, d2, pdd, pp] = &sums;
-        for l in 0..LANES {
-            near.way[l] = pw[l];
-            near.h2[l] = max(pp[l] - pw[l] * pw[l], 0.0);
-        }
-        let mut to = [0.0f32; LANES];
-        for l in 0..LANES {
-            let slope = pd[l] - pw[l] * dw[l];
-            let straight = d2[l] - dw[l] * dw[l];
-            let bend = straight + pdd[l] - pw[l] * ddw[l];
-            // Where the distance curves the other way, the step that a straight curve has.
-            let bend = if bend > 0.1 * d2[l] { bend } else { max(straight, 0.05 * d2[l]) };
-            to[l] = min(max(near.u[l] - slope / bend, -SLACK), 1.0 + SLACK);
-            moved[l] = near.counts[l] * (to[l] - near.u[l]).abs();
-        }
-        let mut furthest = 0.0f32;
-        for l in 0..LANES {
-            furthest = max(furthest, moved[l]);
-        }
-        if round < ROUNDS {
-            near.u = to;
-        }
-        if furthest < CLOSE {
-            break;
-        }
-    }
-    for l in 0..LANES {
-        near.counts[l] = if moved[l] < AWAY { near.counts[l] } else { 0.0 };
-    }
+fn heights(from: [f32; 3], w: [f32; 3], [at, to]: [f32; 2]) -> [f32; 2] {
+    let [a, b] = [from[2] + at * w[2], from[2] + to * w[2]];
+    [min(a, b) - MARGIN_UM, max(a, b) + MARGIN_UM]
 }
 
 /// The hit of a lane.
 #[inline(always)]
-fn hit(cloth: &ClothLines, piece: &Piece, near: &Near, l: usize, w: [f32; 3]) -> LineHit {
+fn hit((piece, radius): (&Piece, f32), near: &Found, l: usize, w: [f32; 3]) -> LineHit {
     let [p, d, dd] = [&near.point, &near.d, &near.dd].map(|of| [of[0][l], of[1][l], of[2][l]]);
-    let radius = cloth.splines[piece.curve as usize].radius;
     let nearest = near.way[l];
     let off: [f32; 3] = std::array::from_fn(|k| p[k] - nearest * w[k]);
     let h2 = min(dot(off, off), radius * radius);
