@@ -19,6 +19,7 @@ mod rules;
 mod shade;
 mod spec;
 mod surface;
+mod tensors;
 mod units;
 
 pub use curves::{ClothCurves, ClothYarn, CurvePoint, MAX_CURVE_POINTS, PlyCurve};

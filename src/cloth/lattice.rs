@@ -34,6 +34,27 @@ impl Lattice {
         [i * a[0] + j * b[0], i * a[1] + j * b[1]]
     }
 
+    /// The lattice by its shortest vectors (Lagrange's reduction), and these as steps of the vectors here.
+    pub fn reduced(&self) -> (Lattice, [[i32; 2]; 2]) {
+        let (mut steps, mut cell_um) = ([[1, 0], [0, 1]], self.cell_um);
+        let dot = |a: [f64; 2], b: [f64; 2]| a[0] * b[0] + a[1] * b[1];
+        loop {
+            if dot(cell_um[1], cell_um[1]) < dot(cell_um[0], cell_um[0]) {
+                cell_um.swap(0, 1);
+                steps.swap(0, 1);
+            }
+            let by = (dot(cell_um[0], cell_um[1]) / dot(cell_um[0], cell_um[0])).round();
+            if by.abs() < 1.0 || by.abs() > 1e6 {
+                break;
+            }
+            for k in 0..2 {
+                cell_um[1][k] -= by * cell_um[0][k];
+                steps[1][k] -= by as i32 * steps[0][k];
+            }
+        }
+        (Lattice::new(cell_um).unwrap_or(*self), steps)
+    }
+
     /// A point in fractions of the vectors.
     pub fn fractions(&self, x: f64, y: f64) -> [f64; 2] {
         self.inverse.map(|row| row[0] * x + row[1] * y)
@@ -139,6 +160,23 @@ mod tests {
     use crate::math::hash::SplitMix64;
 
     /// Neighbors across the sides of a sheared cell, against all images.
+    /// A reduced cell is the same lattice, of vectors that are short and far from parallel.
+    #[test]
+    fn reduced_cells_are_the_same_lattice() {
+        for cell_um in [[[100.0, 750.0], [0.0, 1250.0]], [[500.0, 0.0], [0.0, 80.0]], [[30.0, 900.0], [-70.0, 11.0]]] {
+            let lattice = Lattice::new(cell_um).unwrap();
+            let (reduced, steps) = lattice.reduced();
+            for (vector, steps) in reduced.cell_um.iter().zip(steps) {
+                let same = lattice.vector(steps);
+                assert!((0..2).all(|k| (vector[k] - same[k]).abs() < 1e-9), "{cell_um:?}: {vector:?}, {same:?}");
+            }
+            assert!((reduced.area_um2() / lattice.area_um2() - 1.0).abs() < 1e-12);
+            let [a, b] = reduced.cell_um;
+            let along = (a[0] * b[0] + a[1] * b[1]).abs() / (a[0].hypot(a[1]) * b[0].hypot(b[1]));
+            assert!(along < 0.501 && a[0].hypot(a[1]) <= b[0].hypot(b[1]), "{a:?}, {b:?}");
+        }
+    }
+
     #[test]
     fn neighbors_are_all_found() {
         for (cell, cutoff) in [([[100.0, 750.0], [0.0, 1250.0]], 60.0), ([[300.0, 0.0], [40.0, 200.0]], 35.0)] {

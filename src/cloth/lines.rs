@@ -1,13 +1,12 @@
 //! Lines through a cloth of curves: which plies a line hits, in order.
 //!
-//! A line walks through the buckets of a grid (`grid.rs`); in each it finds its distance to the chords of the
-//! pieces of curve there, block by block as it comes to their heights. Blocks of pieces in which one is near
-//! enough are refined by Newton's steps on `(p(u) - x - t w) . p'(u) = 0`, all lanes at once. A chord counts in
-//! the bucket in which the line is nearest to it, a place on a curve in the piece that holds it: each hit is
-//! found once.
+//! A line walks through the voxels of a grid (`grid.rs`); in each it finds its distance to the chords of the
+//! pieces of curve there. Blocks of pieces in which one is near enough are refined by Newton's steps on
+//! `(p(u) - x - t w) . p'(u) = 0`, all lanes at once. A chord counts in the voxel in which the line is nearest
+//! to it, a place on a curve in the piece that holds it: each hit is found once.
 
 use super::ClothCurves;
-use super::grid::{Grid, LANES, Piece};
+use super::grid::{Entry, Grid, LANES, Piece};
 use super::nearest::{Found, near, refine};
 use crate::Result;
 use crate::fabric::shadow::AxisAt;
@@ -17,13 +16,11 @@ use multiversion::{multiversion, target::target_cfg_f};
 
 /// Most hits of a line that are kept: the nearest.
 pub const MAX_HITS: usize = 24;
-/// Buckets that a line walks through at most: what grazes for longer counts as gone.
+/// Voxels that a line walks through at most: what grazes for longer counts as gone.
 const MAX_STEPS: usize = 4096;
 /// Squared sine of a line's angle to a curve below which its way in the ply counts as no longer: by then
 /// the curve has bent away.
 const MIN_SINE2: f32 = 0.01;
-/// Room about heights [um].
-const MARGIN_UM: f32 = 1e-3;
 /// Share of light that is not followed, and how far plies are looked for beyond those that leave no more, over
 /// the largest radius: the next one behind them.
 const MIN_LEFT: f32 = 3e-4;
@@ -162,6 +159,32 @@ impl ClothLines {
         self.grid.half_thickness_um
     }
 
+    /// Greatest radius [um].
+    pub(crate) fn largest_um(&self) -> f32 {
+        self.largest_um
+    }
+
+    /// Vectors of the grid's cell [um], and these as steps of the cloth's.
+    pub(crate) fn cell(&self) -> ([[f32; 2]; 2], [[i32; 2]; 2]) {
+        (self.grid.cell, self.grid.steps)
+    }
+
+    /// Voxels along the vectors of the cell and along z, first entries of the voxels, entries (piece, cells by
+    /// which it is moved), and of each piece its curve and 16 numbers: coefficients, `[power of u][axis]`,
+    /// radius, reach about the chord, parameter of the curve at u = 0 and its growth to u = 1.
+    pub(crate) fn tables(&self) -> ([u32; 3], Vec<u32>, Vec<Entry>, Vec<(u32, [f32; 16])>) {
+        let (first, entries, shapes) = self.grid.tables();
+        let numbers = |(piece, (cubic, reach)): (&Piece, &([[f32; 3]; 4], f32))| {
+            let mut numbers = [0.0; 16];
+            numbers[..12].copy_from_slice(cubic.as_flattened());
+            let radius = self.radius_um(piece.curve as usize);
+            numbers[12..].copy_from_slice(&[radius, *reach, piece.from, piece.to - piece.from]);
+            (piece.curve, numbers)
+        };
+        let pieces = self.grid.pieces.iter().zip(&shapes).map(numbers).collect();
+        (self.grid.counts.map(|n| n as u32), first, entries, pieces)
+    }
+
     /// Number of curves.
     pub(crate) fn curves(&self) -> usize {
         self.splines.len()
@@ -245,94 +268,97 @@ fn walk<F: FnMut(&LineHit) -> f32>(
     if end <= begin || !(end.is_finite() && begin.is_finite()) {
         return;
     }
-    // Fractions of the cell along the line.
-    let rate = cloth.grid.inverse.map(|row| row[0] * w[0] + row[1] * w[1]);
-    let start = cloth.grid.inverse.map(|row| row[0] * from[0] + row[1] * from[1]);
-    let counts = cloth.grid.counts.map(|n| n as f32);
-    let mut bucket = [0, 1].map(|k| ((start[k] + begin * rate[k]) * counts[k]).floor() as i32);
+    // Voxels along the line.
+    let grid = &cloth.grid;
+    let counts = grid.counts.map(|n| n as f32);
+    let [x, y] = grid.inverse;
+    let axes = [[x[0], x[1], 0.0], [y[0], y[1], 0.0], [0.0, 0.0, 0.5 / half]];
+    let middle = [0.0, 0.0, 0.5];
+    let rate: [f32; 3] = std::array::from_fn(|k| counts[k] * dot(axes[k], w));
+    let start: [f32; 3] = std::array::from_fn(|k| counts[k] * (dot(axes[k], from) + middle[k]));
+    let mut voxel: [i32; 3] = std::array::from_fn(|k| (start[k] + begin * rate[k]).floor() as i32);
+    let top = grid.counts[2] - 1;
+    voxel[2] = voxel[2].clamp(0, top);
+    // The voxel in its cell, and the line's start relative to the corner of that.
+    let mut here = [0, 1].map(|k| voxel[k].rem_euclid(grid.counts[k]));
+    let mut cell = [0, 1].map(|k| voxel[k].div_euclid(grid.counts[k]));
+    let corner = |cell: [i32; 2]| {
+        let ([a, b], [i, j]) = (grid.cell, cell.map(|c| c as f32));
+        [from[0] - i * a[0] - j * b[0], from[1] - i * a[1] - j * b[1], from[2]]
+    };
+    let mut origin = corner(cell);
     let step = rate.map(|r| if r < 0.0 { -1 } else { 1 });
     let per_rate = rate.map(|r| if r.abs() < 1e-12 { f32::INFINITY } else { 1.0 / r });
-    // Way to the next border along each vector.
-    let border = |bucket: [i32; 2], k: usize| {
-        let at = (bucket[k] + i32::from(step[k] > 0)) as f32 / counts[k];
+    // Way to the next border along each axis.
+    let border = |voxel: [i32; 3], k: usize| {
+        let at = (voxel[k] + i32::from(step[k] > 0)) as f32;
         if per_rate[k].is_finite() { (at - start[k]) * per_rate[k] } else { f32::INFINITY }
     };
-    let mut next = [border(bucket, 0), border(bucket, 1)];
-    let mut here = [0, 1].map(|k| bucket[k].rem_euclid(cloth.grid.counts[k]));
-    let mut cell = [0, 1].map(|k| bucket[k].div_euclid(cloth.grid.counts[k]));
     let (mut at, mut left, last) = (begin, 1.0, end);
+    let mut next: [f32; 3] = std::array::from_fn(|k| border(voxel, k));
     // Way to the place nearest to the furthest ply, and to where plies count no more.
     let (mut deepest, mut stop) = (0.0, f32::INFINITY);
     for _ in 0..MAX_STEPS {
-        let leave = max(min(min(next[0], next[1]), end), at);
-        let [a, b] = cloth.grid.cell;
-        let [i, j] = [cell[0] as f32, cell[1] as f32];
-        // The line's start, relative to the corner of this cell.
-        let origin = [from[0] - i * a[0] - j * b[0], from[1] - i * a[1] - j * b[1], from[2]];
-        let number = (here[0] * cloth.grid.counts[1] + here[1]) as usize;
-        // A line of one bucket has no borders.
+        let leave = max(min(min(min(next[0], next[1]), next[2]), end), at);
+        // A line of one voxel has no borders.
         let least = if at == begin { f32::NEG_INFINITY } else { at };
         let most = if leave >= last { f32::INFINITY } else { leave };
-        let mut reached = heights(from, w, [at, leave]);
-        let (blocks, between) = cloth.grid.of_bucket(number);
-        for i in 0..between.len() {
-            // As the line comes to them.
-            let i = if w[2] < 0.0 { between.len() - 1 - i } else { i };
-            if between[i][0] > reached[1] || between[i][1] < reached[0] {
-                continue;
-            }
-            let Some(block) = blocks.get(i) else { continue };
+        for block in grid.of_voxel([here[0], here[1], voxel[2]]) {
             let Some(near) = near::<FMA>(block, origin, w, [least, most]) else { continue };
             let found = refine::<FMA>(block, origin, w, &near);
             for l in 0..LANES {
                 if found.counts[l] == 0 {
                     continue;
                 }
-                let piece = &cloth.grid.pieces[block.piece[l] as usize];
+                let piece = &grid.pieces[block.piece[l] as usize];
                 let radius = cloth.splines[piece.curve as usize].radius;
                 if found.h2[l] >= radius * radius || found.way[l] < 0.0 || found.way[l] > stop {
                     continue;
                 }
                 let mut hit = hit((piece, radius), &found, l, w);
-                hit.cells = [0, 1].map(|k| i32::from(block.cells[l][k]) + cell[k]);
+                let [i, j] = [0, 1].map(|k| i32::from(block.cells[l][k]) + cell[k]);
+                hit.cells = [0, 1].map(|k| i * grid.steps[0][k] + j * grid.steps[1][k]);
                 deepest = max(deepest, hit.nearest_um);
                 left *= passes(&hit);
                 hits.add(hit);
             }
-            if left < MIN_LEFT && stop == f32::INFINITY {
-                // Plies that come next may be entered before those that were hit.
-                stop = deepest + BEYOND * cloth.largest_um;
-                end = min(end, stop);
-                reached = heights(from, w, [at, max(min(leave, end), at)]);
-            }
+        }
+        if left < MIN_LEFT && stop == f32::INFINITY {
+            // Plies that come next may be entered before those that were hit.
+            stop = deepest + BEYOND * cloth.largest_um;
+            end = min(end, stop);
         }
         if leave >= end {
             break;
         }
-        let k = usize::from(next[1] < next[0]);
-        bucket[k] += step[k];
-        next[k] = border(bucket, k);
-        here[k] += step[k];
-        if here[k] < 0 || here[k] >= cloth.grid.counts[k] {
-            here[k] -= step[k] * cloth.grid.counts[k];
-            cell[k] += step[k];
+        let k = if next[2] < min(next[0], next[1]) { 2 } else { usize::from(next[1] < next[0]) };
+        voxel[k] += step[k];
+        if k == 2 {
+            if !(0..=top).contains(&voxel[2]) {
+                break;
+            }
+        } else {
+            here[k] += step[k];
+            if here[k] < 0 || here[k] == grid.counts[k] {
+                here[k] -= step[k] * grid.counts[k];
+                cell[k] += step[k];
+                origin = corner(cell);
+            }
         }
+        next[k] = border(voxel, k);
         at = leave;
     }
-}
-
-/// Heights between which a part of a line lies.
-#[inline(always)]
-fn heights(from: [f32; 3], w: [f32; 3], [at, to]: [f32; 2]) -> [f32; 2] {
-    let [a, b] = [from[2] + at * w[2], from[2] + to * w[2]];
-    [min(a, b) - MARGIN_UM, max(a, b) + MARGIN_UM]
 }
 
 /// The hit of a lane.
 #[inline(always)]
 fn hit((piece, radius): (&Piece, f32), near: &Found, l: usize, w: [f32; 3]) -> LineHit {
     let [p, d, dd] = [&near.point, &near.d, &near.dd].map(|of| [of[0][l], of[1][l], of[2][l]]);
-    let nearest = near.way[l];
+    // At the end of the last step.
+    let step = near.step[l];
+    let p: [f32; 3] = std::array::from_fn(|k| p[k] + step * (d[k] + 0.5 * step * dd[k]));
+    let d: [f32; 3] = std::array::from_fn(|k| d[k] + step * dd[k]);
+    let nearest = dot(p, w);
     let off: [f32; 3] = std::array::from_fn(|k| p[k] - nearest * w[k]);
     let h2 = min(dot(off, off), radius * radius);
     let speed2 = dot(d, d);

@@ -32,16 +32,16 @@ const MIN_OWN: f32 = 0.05;
 /// A cloth of curves, ready for shading.
 #[derive(Clone, Debug)]
 pub struct ClothModel {
-    plies: ClothPlies,
+    pub(super) plies: ClothPlies,
     /// Brightness of the cloth over absorption under a sky all round.
-    curve: AlbedoCurve,
+    pub(super) curve: AlbedoCurve,
     /// By kind, the absorption that gives its yarns their color; of a single kind twice.
-    dyes: [Dye; 2],
-    options: FabricOptions,
-    shadows: ClothShadows,
-    between: InterYarn,
+    pub(super) dyes: [Dye; 2],
+    pub(super) options: FabricOptions,
+    pub(super) shadows: ClothShadows,
+    pub(super) between: InterYarn,
     /// The mean over the cell.
-    far: Option<Arc<Far>>,
+    pub(super) far: Option<Arc<Far>>,
 }
 
 impl ClothSurface for ClothModel {
@@ -288,8 +288,8 @@ impl ClothModel {
     /// share.
     fn far_at<'a, const N: usize>(&'a self, query: &FabricQuery<'a, N>, wo: [f32; 3]) -> Option<(FarAt<'a, N>, f32)> {
         let far = self.far.as_deref()?;
-        let longest = self.plies.lattice.cell_um.map(|v| v[0].hypot(v[1])).into_iter().fold(0.0, f64::max);
-        let share = far::share(query, wo, longest)?;
+        let longest = self.lines().cell().0.map(|v| v[0].hypot(v[1])).into_iter().fold(0.0, f32::max);
+        let share = far::share(query, wo, f64::from(longest))?;
         let mut sigma = [Mixed::NONE; 2];
         (0..2).for_each(|kind| sigma[kind].add(1.0, self.sigma(query, kind)));
         let plies = far.at(wo, [&sigma[0], &sigma[1]]);

@@ -6,7 +6,7 @@ use crate::math::simd::{fma, max, min};
 /// Most steps of Newton's method, and the step over a piece's length at which it ends, and beyond which its
 /// last place is none. Lines across a curve take two, lines along one more.
 const ROUNDS: usize = 8;
-const CLOSE: f32 = 5e-3;
+const CLOSE: f32 = 1e-2;
 const AWAY: f32 = 0.05;
 /// How far beyond its ends a piece is searched, over its length, and the square of how far beyond its chord
 /// a line may be nearest to it.
@@ -28,6 +28,8 @@ pub(super) struct Found {
     pub counts: [u32; LANES],
     /// Parameter of the piece.
     pub u: [f32; LANES],
+    /// Last step of the parameter, which `point` and what follows are without.
+    pub step: [f32; LANES],
     /// Point from the line's start, first and second derivative.
     pub point: [[f32; LANES]; 3],
     pub d: [[f32; LANES]; 3],
@@ -89,8 +91,16 @@ pub(super) fn near<const FMA: bool>(
 #[inline(always)]
 pub(super) fn refine<const FMA: bool>(block: &Block, origin: [f32; 3], w: [f32; 3], near: &Near) -> Found {
     let none = [0.0f32; LANES];
-    let mut found =
-        Found { counts: near.counts, u: near.u, point: [none; 3], d: [none; 3], dd: [none; 3], way: none, h2: none };
+    let mut found = Found {
+        counts: near.counts,
+        u: near.u,
+        step: none,
+        point: [none; 3],
+        d: [none; 3],
+        dd: [none; 3],
+        way: none,
+        h2: none,
+    };
     let mut moved = none;
     for round in 0..=ROUNDS {
         let mut sums = [none; 7];
@@ -117,12 +127,13 @@ pub(super) fn refine<const FMA: bool>(block: &Block, origin: [f32; 3], w: [f32; 
         }
         let [pw, dw, ddw, pd, d2, pdd, pp] = &sums;
         let mut to = none;
-        let mut goes_on = [0u32; LANES];
+        let (mut goes_on, mut is_least) = ([0u32; LANES], [0u32; LANES]);
         for l in 0..LANES {
             let slope = pd[l] - pw[l] * dw[l];
             let straight = d2[l] - dw[l] * dw[l];
             let bend = straight + pdd[l] - pw[l] * ddw[l];
-            // Where the distance curves the other way, the step that a straight curve has.
+            // Where the distance curves the other way, it may be greatest: the step that a straight curve has.
+            is_least[l] = u32::from(bend > 0.0);
             let bend = if bend > 0.1 * d2[l] { bend } else { max(straight, 0.05 * d2[l]) };
             to[l] = min(max(found.u[l] - slope / bend, -SLACK), 1.0 + SLACK);
             moved[l] = (to[l] - found.u[l]).abs();
@@ -134,8 +145,10 @@ pub(super) fn refine<const FMA: bool>(block: &Block, origin: [f32; 3], w: [f32; 
                 found.way[l] = pw[l];
                 found.h2[l] = max(pp[l] - pw[l] * pw[l], 0.0);
                 let u = if round < ROUNDS { to[l] } else { found.u[l] };
+                found.step[l] = u - found.u[l];
                 found.u[l] = u;
                 found.counts[l] = near.counts[l]
+                    & is_least[l]
                     & u32::from((moved[l] < AWAY) & (u >= 0.0) & (u < 1.0) & (found.h2[l] < block.reach2[l]));
             }
             break;

@@ -369,9 +369,9 @@ impl Far {
             + size_of_val(self.apertures.as_slice())
     }
 
-    /// Its tables, as src/fabric/tensors.rs has them: f, chances, energies and first energies of both
-    /// families, what passes, apertures.
-    pub(crate) fn numbers(&self) -> ([Vec<f32>; 5], Vec<u32>) {
+    /// Its tables, as src/fabric/tensors.rs has them: f, chances, energies and, of so many classes, first
+    /// energies of the kinds, what passes, apertures.
+    pub(crate) fn numbers(&self, classes: usize) -> ([Vec<f32>; 5], Vec<u32>) {
         let of = |numbers: &dyn Fn(&Plies) -> Vec<f32>| self.families.iter().flat_map(numbers).collect::<Vec<f32>>();
         let apertures = self.apertures.iter().flat_map(|(apertures, count)| {
             [*count as u32].into_iter().chain(apertures.as_flattened().iter().map(|node| u32::from(*node)))
@@ -380,7 +380,7 @@ impl Far {
             of(&|p| p.f.as_flattened().to_vec()),
             of(&|p| p.chances.clone()),
             of(&|p| p.energy.as_flattened().to_vec()),
-            of(&|p| p.first.iter().flat_map(|of| of[..2].as_flattened().to_vec()).collect()),
+            of(&|p| p.first.iter().flat_map(|of| of[..classes].as_flattened().to_vec()).collect()),
             self.passing.clone(),
         ];
         (tables, apertures.collect())

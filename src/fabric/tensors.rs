@@ -109,7 +109,7 @@ impl FabricModel {
         f32s("between_leaves", &[2, classes.len(), 2, 2, PAIRS, FEW], of(&|s| leaves(s).concat()));
         f32s("between_shape", &[2, 2, PAIRS, TERMS], of(&|s| s.shape.as_flattened().to_vec()));
         if let Some(far) = &self.far {
-            let ([of_plies, chances, energy, first, passing], _) = far.numbers();
+            let ([of_plies, chances, energy, first, passing], _) = far.numbers(2);
             f32s("far_phi_i", &[far::PHI_I_DEG.len()], far::PHI_I_DEG.to_vec());
             f32s("far_theta_i", &[far::THETA_I_DEG.len()], far::THETA_I_DEG.to_vec());
             f32s("far_sigma", &[far::SIGMAS], far::SIGMA_PER_UM.to_vec());
@@ -138,7 +138,7 @@ impl FabricModel {
 
         if let Some(far) = &self.far {
             let shape = vec![far::VIEWS, 1 + 2 * far::APERTURES];
-            all.push(Tensor { name: "far_apertures", shape, values: Values::U32(far.numbers().1) });
+            all.push(Tensor { name: "far_apertures", shape, values: Values::U32(far.numbers(2).1) });
         }
         let lists = [("stripes_warp", &self.stripes[0]), ("stripes_weft", &self.stripes[1])];
         let threads = [("threads_warp", &self.threads[0]), ("threads_weft", &self.threads[1])];

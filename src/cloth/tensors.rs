@@ -1,0 +1,131 @@
+//! All tables of a cloth as named arrays, for hosts that evaluate it on machines of their own (GPUs,
+//! differentiating compilers): `python/plywave/mitsuba` is one.
+//!
+//! With these arrays, the files of the ply models and the formulas of this folder and of `src/fabric`,
+//! [`ClothModel`] can be rebuilt. Arrays are flat, last index fastest; lengths in um. Kinds are those of the
+//! cloth's yarns, one or two.
+//!
+//! | name | shape | |
+//! |---|---|---|
+//! | `cell_um` | `[2][2]` | vectors of the cell, the shortest ones of its lattice |
+//! | `scalars` | `[4]` | height above which there is no ply, greatest radius, length of a ply with one speckle pattern, L of `curve` |
+//! | `options` | `[4]` | speckle, layers, shadowing, edges |
+//! | `counts` | `[3]` | voxels along each vector of the cell and along z |
+//! | `voxel` | `[voxels + 1]` | first entry of each voxel |
+//! | `entry` | `[entries][3]` | piece, and the cells by which it is moved, plus 2^15 |
+//! | `piece` | `[pieces][16]` | coefficients of the powers of u from 0 to 3, of x, y and z each; radius; reach about the chord; parameter of the curve at u = 0 and its growth to u = 1 |
+//! | `piece_curve` | `[pieces]` | curve |
+//! | `curve_of` | `[curves][8]` | kind; first place in `shadow_free` and number of places; number of the yarn and what is added for each cell along the vectors, modulo 2^32; curve; knots |
+//! | `places_per_knot` | `[curves]` | places for a step of 1 of the parameter |
+//! | `kind` | `[kinds][2]` | 1 where yarns run along y, 0 along x; radius of the model's ply over that of the curves |
+//! | `passed`, `passed_h_um`, `exit_shapes` | | of the model of each kind, as of a fabric |
+//! | `dye_rgb`, `dye_spectrum` | `[kinds][3]`, `[kinds][81]` | absorptions [1/um] of linear sRGB, and at 0.38 to 0.78 um |
+//! | `curve` | `[..][2]` | v = 1 / (1 + sigma L) and the cloth's brightness |
+//! | `shadow_free` | `[places][18][16][8]` | shares that get out, 255 for 1.35 |
+//! | `between_caught` | `[2][8][3][8][168]` | by side, class, sent up, down and all, absorption: splines of the direction |
+//! | `between_leaves` | `[2][8][2][2][64][8]` | by side, class, sent, leaves, pair of absorptions |
+//! | `between_shape` | `[2][2][64][16]` | by side, leaves, pair |
+//! | `far_*` | | those of a fabric, with 4 classes a kind and no apertures; only of cloths loaded with `FabricOptions::far` |
+
+use super::ClothModel;
+use super::plies::ClothPlies;
+use crate::PlyModel;
+use crate::color::SPECTRUM_NODES;
+use crate::fabric::between::{CLASSES, CLASSES_A_KIND, FEW, PAIRS, SIGMAS, Side, TERMS};
+use crate::fabric::far::{self, Runs};
+use crate::fabric::shadow::{COLUMNS, LANES, ROWS};
+use crate::fabric::splines::{COUNT, Several};
+use crate::fabric::{Tensor, Values};
+use crate::ply::{EXIT_KINDS, ExitShape, PASSED_COLUMNS, PASSED_ROWS};
+use std::sync::Arc;
+
+impl ClothModel {
+    /// The models of the kinds of yarns.
+    pub fn models(&self) -> &[Arc<PlyModel>] {
+        &self.plies.models
+    }
+
+    /// The tables of the cloth, each described in the head of src/cloth/tensors.rs; those of its models are in
+    /// their files, [`crate::ply::PlyData::to_bytes`].
+    pub fn tensors(&self) -> Vec<Tensor> {
+        let mut all = Vec::new();
+        let mut add = |name, shape: &[usize], values| all.push(Tensor { name, shape: shape.to_vec(), values });
+        curves(&self.plies, &mut add);
+        let mut f32s = |name, shape: &[usize], values| add(name, shape, Values::F32(values));
+        let (length_um, curve) = self.curve.nodes().unwrap_or((1.0, &[]));
+        let scalars =
+            [self.lines().half_thickness_um(), self.lines().largest_um(), self.plies.grain_um, length_um as f32];
+        f32s("scalars", &[4], scalars.to_vec());
+        let o = &self.options;
+        f32s("options", &[4], [o.noise, o.layers, o.shadowing, o.edges].map(|on| f32::from(u8::from(on))).to_vec());
+        let kinds = self.plies.kinds;
+        let dyes: Vec<_> = self.dyes[..kinds].iter().map(|dye| dye.numbers()).collect();
+        f32s("dye_rgb", &[kinds, 3], dyes.iter().flat_map(|d| d.0).collect());
+        f32s("dye_spectrum", &[kinds, SPECTRUM_NODES], dyes.iter().flat_map(|d| d.1).collect());
+        f32s("curve", &[curve.len(), 2], curve.iter().flat_map(|(v, value)| [*v as f32, *value as f32]).collect());
+        let of = |values: &dyn Fn(&Side) -> Vec<f32>| self.between.sides.iter().flat_map(values).collect::<Vec<f32>>();
+        let by_node = |of: &Several<SIGMAS>| (0..SIGMAS).flat_map(|node| of.map(|c| c[node])).collect::<Vec<_>>();
+        let caught = of(&|s| s.caught.iter().flat_map(by_node).collect());
+        f32s("between_caught", &[2, CLASSES, 3, SIGMAS, COUNT], caught);
+        f32s("between_leaves", &[2, CLASSES, 2, 2, PAIRS, FEW], of(&|s| s.leaves.as_flattened().to_vec()));
+        f32s("between_shape", &[2, 2, PAIRS, TERMS], of(&|s| s.shape.as_flattened().to_vec()));
+        if let Some(far) = &self.far {
+            let ([f, chances, energy, first, passing], _) = far.numbers(CLASSES_A_KIND);
+            f32s("far_phi_i", &[far::PHI_I_DEG.len()], far::PHI_I_DEG.to_vec());
+            f32s("far_theta_i", &[far::THETA_I_DEG.len()], far::THETA_I_DEG.to_vec());
+            f32s("far_sigma", &[far::SIGMAS], far::SIGMA_PER_UM.to_vec());
+            f32s("far_f", &[kinds, far::VIEWS, far::COLUMNS, far::NODES, far::SIGMAS], f);
+            f32s("far_chances", &[kinds, far::VIEWS, 2, far::CELLS], chances);
+            f32s("far_energy", &[kinds, far::VIEWS, far::SIGMAS], energy);
+            f32s("far_first", &[kinds, far::VIEWS, CLASSES_A_KIND, far::SIGMAS], first);
+            f32s("far_passing", &[far::VIEWS], passing);
+        }
+        let shadows = self.shadows.free();
+        let shape = [shadows.len() / (2 * ROWS * COLUMNS * LANES), 2 * ROWS, COLUMNS, LANES];
+        add("shadow_free", &shape, Values::U8(shadows.to_vec()));
+        let mut first = 0;
+        let (mut of, mut per_knot) = (Vec::new(), Vec::new());
+        for (curve, places) in self.shadows.counts().enumerate() {
+            let knots = self.lines().knots(curve);
+            let yarn = &self.plies.yarns[self.plies.of_curve[curve] as usize];
+            let kind = self.plies.kind_of[curve] as u32;
+            let steps = self.lines().cell().1;
+            let [a, b] =
+                steps.map(|by| yarn.step[0].wrapping_mul(by[0]).wrapping_add(yarn.step[1].wrapping_mul(by[1])));
+            let [number, a, b] = [yarn.number, a, b].map(|n| n as u32);
+            of.extend([kind, first, places, number, a, b, curve as u32, knots as u32]);
+            per_knot.push(places as f32 / knots as f32);
+            first += places;
+        }
+        add("curve_of", &[per_knot.len(), 8], Values::U32(of));
+        add("places_per_knot", &[per_knot.len()], Values::F32(per_knot));
+        all
+    }
+}
+
+/// The curves in the voxels of their grid, and the models of their plies.
+fn curves(plies: &ClothPlies, add: &mut impl FnMut(&'static str, &[usize], Values)) {
+    add("cell_um", &[2, 2], Values::F32(plies.lines.cell().0.as_flattened().to_vec()));
+    let (counts, voxel, entries, pieces) = plies.lines.tables();
+    add("counts", &[3], Values::U32(counts.to_vec()));
+    add("voxel", &[voxel.len()], Values::U32(voxel));
+    let numbers = entries.iter().flat_map(|(piece, cells)| {
+        let [i, j] = cells.map(|c| (i32::from(c) + (1 << 15)) as u32);
+        [*piece, i, j]
+    });
+    add("entry", &[entries.len(), 3], Values::U32(numbers.collect()));
+    add("piece_curve", &[pieces.len()], Values::U32(pieces.iter().map(|p| p.0).collect()));
+    add("piece", &[pieces.len(), 16], Values::F32(pieces.iter().flat_map(|p| p.1).collect()));
+    let runs = |kind: usize| f32::from(u8::from(plies.runs[kind] == Runs::AlongY));
+    let kinds = (0..plies.kinds).flat_map(|kind| [runs(kind), plies.scale[kind]]);
+    add("kind", &[plies.kinds, 2], Values::F32(kinds.collect()));
+    let models = &plies.models;
+    let [means, two] = ExitShape::usual()[0].numbers().1;
+    let shapes = models.iter().flat_map(|m| m.exit_shapes());
+    let numbers = shapes.flat_map(|shape| shape.numbers().0.iter().copied()).collect();
+    add("exit_shapes", &[models.len(), EXIT_KINDS, means, two], Values::F32(numbers));
+    let passed: Vec<_> = models.iter().filter_map(|m| m.passed_lines()).map(|passed| passed.numbers()).collect();
+    let sums = passed.iter().flat_map(|(sums, _)| sums.iter().copied()).collect();
+    add("passed", &[passed.len(), PASSED_ROWS, PASSED_COLUMNS], Values::F32(sums));
+    add("passed_h_um", &[passed.len()], Values::F32(passed.iter().map(|(_, last_h_um)| *last_h_um).collect()));
+}
