@@ -3,6 +3,7 @@
 from typing import Any, Dict, List, Optional, Tuple, final
 
 __all__ = [
+    "ClothTables",
     "FabricTables",
     "fiber_file",
     "ply_file",
@@ -143,6 +144,22 @@ def check_block(description: str, extent: int, first: int, count: int, bytes: by
 def block_name(first: int, count: int) -> str: ...
 def run_job(description: str, extent: int, stage: str, run: Dict[str, Any]) -> bytes: ...
 def json_of_toml(text: str, name: str) -> str: ...
+
+
+@final
+class ClothTables:
+    def __new__(
+        cls,
+        filename: str,
+        layers: bool = True,
+        shadowing: bool = True,
+        edges: bool = True,
+        speckle: bool = False,
+        far: bool = False,
+    ) -> ClothTables: ...
+    def tensors(self) -> Dict[str, Any]: ...
+    def eval_pdf(self, position_um: Any, wo: Any, wi: Any, lambda_um: Any = None, sigma_per_um: Any = None, footprint_um: float = 0.0) -> Tuple[Any, Any, Any]: ...
+    def hits(self, from_um: Any, w: Any) -> Any: ...
 
 
 @final

@@ -3,17 +3,19 @@
 
 use numpy::ndarray::{Array1, Array2, ArrayD, IxDyn};
 use numpy::{IntoPyArray, PyReadonlyArray1, PyReadonlyArray2};
-use plywave::fabric::{FabricOptions, FabricSpec, GapLight, Hit, Slits, Values};
+use plywave::cloth::{ClothModel, ClothSurface, LineHits};
+use plywave::fabric::{FabricOptions, FabricSpec, GapLight, Hit, Slits, Tensor, Values};
 use plywave::fiber::FiberTable;
 use plywave::io::Folder;
 use plywave::spec::YarnSpec;
 use plywave::speckle::{Instance, NoiseTiles};
-use plywave::{Bsdf, FabricModel, FabricQuery, PlyQuery};
+use plywave::{Bsdf, FabricModel, FabricQuery, PlyModel, PlyQuery};
 use plywave_pipeline::model_library;
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict, PyList};
 use std::path::Path;
+use std::sync::Arc;
 
 fn raise(e: impl std::fmt::Display) -> PyErr {
     PyValueError::new_err(e.to_string())
@@ -29,6 +31,151 @@ fn columns(name: &str, a: &PyReadonlyArray2<'_, f32>, n: usize, count: usize) ->
         return Ok(());
     }
     Err(raise(format!("{name}: {shape:?}: expected an array [{n}, {count}]")))
+}
+
+/// f `[n, 3]`, the density of samples `[n]` and the energy that goes straight on `[n]`.
+type Light<'py> = (Bound<'py, PyAny>, Bound<'py, PyAny>, Bound<'py, PyAny>);
+
+/// Of positions [n, 2], `wo` and `wi` [n, 3]: what the library answers, at three wavelengths [um] or in linear
+/// sRGB.
+fn light<'py>(
+    py: Python<'py>,
+    cloth: &impl ClothSurface,
+    [position_um, wo, wi]: [PyReadonlyArray2<'py, f32>; 3],
+    lambda_um: Option<[f32; 3]>,
+    sigma_per_um: Option<[[f32; 3]; 2]>,
+    footprint_um: f32,
+) -> PyResult<Light<'py>> {
+    let n = wo.as_array().nrows();
+    columns("position_um", &position_um, n, 2)?;
+    columns("wo", &wo, n, 3)?;
+    columns("wi", &wi, n, 3)?;
+    let (position_um, wo, wi) = (position_um.as_array(), wo.as_array(), wi.as_array());
+    let (mut f, mut pdf, mut straight) = (Array2::zeros((n, 3)), Array1::zeros(n), Array1::zeros(n));
+    for i in 0..n {
+        let (at, viewer) = (row(&position_um, i), row(&wo, i));
+        let query = match lambda_um {
+            Some(lambda) => FabricQuery::new(at, viewer, lambda),
+            None => FabricQuery::rgb(at, viewer),
+        };
+        let query =
+            FabricQuery { sigma_per_um: sigma_per_um.map_or([None; 2], |s| s.map(Some)), footprint_um, ..query };
+        let at = cloth.surface_at(&query);
+        let (value, density) = at.eval_pdf(row(&wi, i));
+        (0..3).for_each(|k| f[[i, k]] = value[k]);
+        pdf[i] = density;
+        straight[i] = at.straight()[0];
+    }
+    Ok((f.into_pyarray(py).into_any(), pdf.into_pyarray(py).into_any(), straight.into_pyarray(py).into_any()))
+}
+
+/// Tables by name; `models`, the files of the ply models; `noise`, the noise tiles of each model, none without
+/// speckle.
+fn arrays<'py>(
+    py: Python<'py>,
+    tensors: Vec<Tensor>,
+    models: &[Arc<PlyModel>],
+    speckle: bool,
+) -> PyResult<Bound<'py, PyDict>> {
+    let all = PyDict::new(py);
+    for tensor in tensors {
+        let shape = IxDyn(&tensor.shape);
+        match tensor.values {
+            Values::F32(v) => {
+                all.set_item(tensor.name, ArrayD::from_shape_vec(shape, v).map_err(raise)?.into_pyarray(py))?
+            }
+            Values::U32(v) => {
+                all.set_item(tensor.name, ArrayD::from_shape_vec(shape, v).map_err(raise)?.into_pyarray(py))?
+            }
+            Values::U8(v) => {
+                all.set_item(tensor.name, ArrayD::from_shape_vec(shape, v).map_err(raise)?.into_pyarray(py))?
+            }
+        }
+    }
+    let (files, noise) = (PyList::empty(py), PyList::empty(py));
+    for model in models {
+        files.append(PyBytes::new(py, &model.data().to_bytes().map_err(raise)?))?;
+        let tiles = if speckle { model.noise() } else { None };
+        noise.append(tiles.map(|tiles| noise_tiles(py, tiles)).transpose()?)?;
+    }
+    all.set_item("models", files)?;
+    all.set_item("noise", noise)?;
+    Ok(all)
+}
+
+/// A cloth as `plywave.mitsuba` loads it.
+#[pyclass(frozen, module = "plywave._plywave")]
+pub struct ClothTables {
+    cloth: ClothModel,
+    speckle: bool,
+}
+
+#[pymethods]
+impl ClothTables {
+    /// Of a cloth's file.
+    #[new]
+    #[pyo3(signature = (filename, layers = true, shadowing = true, edges = true, speckle = false, far = false))]
+    #[allow(clippy::fn_params_excessive_bools)]
+    fn new(
+        py: Python<'_>,
+        filename: String,
+        layers: bool,
+        shadowing: bool,
+        edges: bool,
+        speckle: bool,
+        far: bool,
+    ) -> PyResult<Self> {
+        let options = FabricOptions { noise: speckle, layers, shadowing, edges, far, ..FabricOptions::SMOOTH };
+        let cloth = py.detach(|| ClothModel::load(filename, &options)).map_err(raise)?;
+        Ok(ClothTables { cloth, speckle })
+    }
+
+    /// Tables by name; `models`, the files of the ply models; `noise`, the noise tiles of each model, none
+    /// without speckle.
+    fn tensors<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        arrays(py, self.cloth.tensors(), self.cloth.models(), self.speckle)
+    }
+
+    /// Of `position_um` [n, 2], `wo` and `wi` [n, 3]: f [n, 3] and the density of samples [n] by the library,
+    /// at three wavelengths [um] or in linear sRGB, and the energy that goes straight on.
+    #[pyo3(signature = (position_um, wo, wi, lambda_um = None, sigma_per_um = None, footprint_um = 0.0))]
+    #[allow(clippy::too_many_arguments)]
+    fn eval_pdf<'py>(
+        &self,
+        py: Python<'py>,
+        position_um: PyReadonlyArray2<'py, f32>,
+        wo: PyReadonlyArray2<'py, f32>,
+        wi: PyReadonlyArray2<'py, f32>,
+        lambda_um: Option<[f32; 3]>,
+        sigma_per_um: Option<[[f32; 3]; 2]>,
+        footprint_um: f32,
+    ) -> PyResult<Light<'py>> {
+        light(py, &self.cloth, [position_um, wo, wi], lambda_um, sigma_per_um, footprint_um)
+    }
+
+    /// What lines from `from_um` in directions `w`, `[n, 3]` each, hit first `[n, 10]`: 1 for a ply, curve,
+    /// theta_i, h, way to the wall, parameter, tangent, number of plies.
+    fn hits<'py>(
+        &self,
+        py: Python<'py>,
+        from_um: PyReadonlyArray2<'py, f32>,
+        w: PyReadonlyArray2<'py, f32>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        let n = w.as_array().nrows();
+        columns("from_um", &from_um, n, 3)?;
+        columns("w", &w, n, 3)?;
+        let (from_um, w) = (from_um.as_array(), w.as_array());
+        let (mut found, mut numbers) = (LineHits::default(), Array2::<f32>::zeros((n, 10)));
+        for i in 0..n {
+            self.cloth.lines().hits(row(&from_um, i), row(&w, i), &mut found);
+            if let Some(hit) = found.as_slice().first() {
+                let [x, y, z] = hit.tangent;
+                let of = [1.0, hit.curve as f32, hit.theta_i, hit.h_um, hit.enter_um, hit.parameter, x, y, z];
+                of.into_iter().chain([found.as_slice().len() as f32]).enumerate().for_each(|(k, v)| numbers[[i, k]] = v);
+            }
+        }
+        Ok(numbers.into_pyarray(py).into_any())
+    }
 }
 
 /// A fabric as `plywave.mitsuba` loads it.
@@ -77,33 +224,7 @@ impl FabricTables {
     /// Tables by name; `models`, the files of the ply models; `noise`, the noise tiles of each model, none
     /// without speckle.
     fn tensors<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        let all = PyDict::new(py);
-        for tensor in self.fabric.tensors() {
-            let shape = IxDyn(&tensor.shape);
-            match tensor.values {
-                Values::F32(v) => {
-                    all.set_item(tensor.name, ArrayD::from_shape_vec(shape, v).map_err(raise)?.into_pyarray(py))?
-                }
-                Values::U32(v) => {
-                    all.set_item(tensor.name, ArrayD::from_shape_vec(shape, v).map_err(raise)?.into_pyarray(py))?
-                }
-                Values::U8(v) => {
-                    all.set_item(tensor.name, ArrayD::from_shape_vec(shape, v).map_err(raise)?.into_pyarray(py))?
-                }
-            }
-        }
-        let models = PyList::empty(py);
-        for model in self.fabric.models() {
-            models.append(PyBytes::new(py, &model.data().to_bytes().map_err(raise)?))?;
-        }
-        all.set_item("models", models)?;
-        let noise = PyList::empty(py);
-        for model in self.fabric.models() {
-            let tiles = if self.speckle { model.noise() } else { None };
-            noise.append(tiles.map(|tiles| noise_tiles(py, tiles)).transpose()?)?;
-        }
-        all.set_item("noise", noise)?;
-        Ok(all)
+        arrays(py, self.fabric.tensors(), self.fabric.models(), self.speckle)
     }
 
     /// Size of one repeat along x and y [um].
@@ -124,28 +245,9 @@ impl FabricTables {
         lambda_um: Option<[f32; 3]>,
         sigma_per_um: Option<[[f32; 3]; 2]>,
         footprint_um: f32,
-    ) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyAny>, Bound<'py, PyAny>)> {
-        let n = wo.as_array().nrows();
-        columns("position_um", &position_um, n, 2)?;
-        columns("wo", &wo, n, 3)?;
-        columns("wi", &wi, n, 3)?;
-        let (position_um, wo, wi) = (position_um.as_array(), wo.as_array(), wi.as_array());
-        let (mut f, mut pdf, mut straight) = (Array2::zeros((n, 3)), Array1::zeros(n), Array1::zeros(n));
-        for i in 0..n {
-            let (at, viewer) = (row(&position_um, i), row(&wo, i));
-            let query = match lambda_um {
-                Some(lambda) => FabricQuery::new(at, viewer, lambda),
-                None => FabricQuery::rgb(at, viewer),
-            };
-            let query =
-                FabricQuery { sigma_per_um: sigma_per_um.map_or([None; 2], |s| s.map(Some)), footprint_um, ..query };
-            let at = self.fabric.at(&query);
-            let (value, density) = at.eval_pdf(row(&wi, i));
-            (0..3).for_each(|k| f[[i, k]] = value[k]);
-            pdf[i] = density;
-            straight[i] = at.straight()[0];
-        }
-        Ok((f.into_pyarray(py).into_any(), pdf.into_pyarray(py).into_any(), straight.into_pyarray(py).into_any()))
+    ) -> PyResult<Light<'py>> {
+        let rows = [position_um, wo, wi];
+        light(py, &self.fabric, rows, lambda_um, sigma_per_um, footprint_um)
     }
 
     /// What lines meet first, `[n, 16]`: 1 for a ply, family, yarn, ply, theta_i, h, along, 1 for two layers,
@@ -299,6 +401,7 @@ pub fn ply_terms<'py>(
 
 /// Adds them to the module.
 pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
+    module.add_class::<ClothTables>()?;
     module.add_class::<FabricTables>()?;
     module.add_function(wrap_pyfunction!(ply_file, module)?)?;
     module.add_function(wrap_pyfunction!(fiber_file, module)?)?;

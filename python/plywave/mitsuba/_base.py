@@ -105,8 +105,8 @@ def misfit(bsdf, shape):
     # Mitsuba counts a rectangle as a mesh; it always has uv, and no method that says so.
     if isinstance(shape, mi.Mesh) and not shape.has_vertex_texcoords():
         return f"{name}: no texture coordinates: {bsdf.PLUGIN} needs uv, {bsdf.ALONG}"
-    if bsdf.PLUGIN == "plywave_fabric":
-        return f"{name}: a curve: plywave_fabric is for surfaces: use plywave_ply" if "Curve" in kind else None
+    if bsdf.PLUGIN in ("plywave_cloth", "plywave_fabric"):
+        return f"{name}: a curve: {bsdf.PLUGIN} is for surfaces: use plywave_ply" if "Curve" in kind else None
     if kind == "LinearCurve":
         return f"{name}: a linearcurve: Mitsuba does not tell where it runs: use a bsplinecurve"
     if not is_mesh and kind not in ("BSplineCurve", "Cylinder"):

@@ -8,7 +8,7 @@ from ._kit import clamp
 from ._shadow import two_thirds
 
 TAU = 2.0 * math.pi
-SIGMAS, LENGTH_UM, CLASSES, COUNT, SPLINE_COLUMNS, INTERVALS = 8, 150.0, 4, 168, 24, 5
+SIGMAS, LENGTH_UM, COUNT, SPLINE_COLUMNS, INTERVALS = 8, 150.0, 168, 24, 5
 
 
 # Nodes of absorption [1/um], and v = 1 / (1 + sigma L) there, the last one 0.
@@ -44,7 +44,7 @@ class Between:
     def between(self, a, classes, sigma):
         """Energies that leave up and down, of a beam from ``a`` whose first plies scatter ``classes``, energies by class, in yarns of warp and weft of ``sigma``; what other
         yarns catch of those."""
-        kit, n = self.kit, self.kit.count
+        kit, n, count = self.kit, self.kit.count, self.classes
         t = polynomials(a)
         terms = few(t)
         side = dr.select(a[2] < 0.0, kit.uint(1), kit.uint(0))
@@ -65,27 +65,27 @@ class Between:
         sent = [self.options["shadowing"], self.options["layers"]]
 
         def of_class(classes, cls):
-            e = classes[CLASSES - 1]
-            for c in range(CLASSES - 2, -1, -1):
+            e = classes[count - 1]
+            for c in range(count - 2, -1, -1):
                 e = dr.select(cls == c, classes[c], e)
             return e
 
         def following(cls):
             """The next class with energy from ``cls`` on."""
-            found = kit.uint(CLASSES)
-            for c in range(CLASSES - 1, -1, -1):
+            found = kit.uint(count)
+            for c in range(count - 1, -1, -1):
                 found = dr.select(kit.both(cls <= c, self.some(classes[c])), kit.uint(c), found)
             return found
 
         def body(given, cls, up, down, all_caught):
             classes, fractions, weights = given
             energy = of_class(classes, cls)
-            is_warp = cls < 2
+            is_warp = cls < count // 2
             up, down, all_caught = kit.S(up), kit.S(down), kit.S(all_caught)
             for k in range(n):
                 node = dr.select(is_warp, nodes[0][k][0], nodes[1][k][0])
                 u = dr.select(is_warp, fractions[0][k], fractions[1][k])
-                at = ((side * CLASSES + cls) * (SIGMAS - 1) + node) * COUNT
+                at = ((side * count + cls) * (SIGMAS - 1) + node) * COUNT
                 sums = [0.0] * 6
                 for index, w in spline:
                     values = kit.packets(self.caught, (at + index) * 2, 2)
@@ -98,7 +98,7 @@ class Between:
                     caught = clamp(per * of[cause], -energy[k], energy[k])
                     all_caught[k] = all_caught[k] + caught
                     for half in range(2):
-                        at_leaves = (((side * CLASSES + cls) * 2 + cause) * 2 + half) * (SIGMAS * SIGMAS)
+                        at_leaves = (((side * count + cls) * 2 + cause) * 2 + half) * (SIGMAS * SIGMAS)
                         leaves = 0.0
                         for (pair, _), share in zip(corners[k], weights[k]):
                             values = kit.packets(self.leaves, (at_leaves + pair) * 2, 2)
@@ -113,7 +113,7 @@ class Between:
         fractions = [[nodes[f][k][1] for k in range(n)] for f in range(2)]
         given = (list(classes), fractions, [[share for _, share in corners[k]] for k in range(n)])
         state = (following(kit.uint(0)), kit.zero_s(), kit.zero_s(), kit.zero_s())
-        _, up, down, caught = kit.loop(state, lambda cls, up, down, caught: cls < CLASSES, body, "light between yarns", given)
+        _, up, down, caught = kit.loop(state, lambda cls, up, down, caught: cls < count, body, "light between yarns", given)
         for k in range(n):
             up[k], down[k] = dr.maximum(up[k], 0.0), dr.maximum(down[k], 0.0)
         return up, down, (side, corners), caught

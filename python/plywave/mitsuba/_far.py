@@ -37,8 +37,9 @@ def asin(x):
 class Far:
     """Tables of the mean on the device."""
 
-    def __init__(self, kit, tensors, cloth):
-        self.kit, self.cloth = kit, cloth
+    def __init__(self, kit, tensors, cloth, along_y):
+        """``along_y``: of each kind of yarns whether it runs along y, or else along x."""
+        self.kit, self.cloth, self.along_y = kit, cloth, along_y
         f = tensors["far_f"]
         _, self.views, self.columns, self.nodes, self.sigmas = f.shape
         self.steps, self.cells = (self.nodes - 1) // 2, self.columns * (self.nodes - 1)
@@ -51,11 +52,8 @@ class Far:
         self.sums = kit.floats(np.pad(tensors["far_chances"], [(0, 0)] * 3 + [(1, 0)]))
         self.energy, self.first = kit.floats(tensors["far_energy"]), kit.floats(tensors["far_first"])
         self.passing, self.apertures = kit.floats(tensors["far_passing"]), kit.words(tensors["far_apertures"])
-        # By family, each dye and its share of the threads.
-        self.shares = []
-        for threads in cloth.dyes:
-            dyes, counts = np.unique(threads, return_counts=True)
-            self.shares.append([(int(dye), float(count) / len(threads)) for dye, count in zip(dyes, counts)])
+        # Classes of first plies of a kind.
+        self.layers = tensors["far_first"].shape[2]
 
     # Absorptions
 
@@ -83,17 +81,17 @@ class Far:
     # Views
 
     @staticmethod
-    def angles(is_warp, w):
-        """theta and phi of a direction about a family's yarns."""
-        along, across = (w[1], w[0]) if is_warp else (w[0], w[1])
+    def angles(along_y, w):
+        """theta and phi of a direction about yarns along y or x."""
+        along, across = (w[1], w[0]) if along_y else (w[0], w[1])
         return asin(clamp(along, -1.0, 1.0)), dr.atan2(w[2], across)
 
     @staticmethod
-    def direction(is_warp, theta, phi):
+    def direction(along_y, theta, phi):
         s, c = dr.sincos(theta)
         t, u = dr.sincos(phi)
         across, up = c * u, c * t
-        return [across, s, up] if is_warp else [s, across, up]
+        return [across, s, up] if along_y else [s, across, up]
 
     def node(self, which, x):
         """Node below ``x`` on an axis and the share of the next."""
@@ -104,9 +102,9 @@ class Far:
         low, high = (kit.take(self.axis_tables[which], node + i) for i in (0, 1))
         return node, clamp((x - low) / (high - low), 0.0, 1.0)
 
-    def around(self, is_warp, wo):
+    def around(self, along_y, wo):
         """The four views around one and their shares, and theta_i."""
-        theta, phi = self.angles(is_warp, wo)
+        theta, phi = self.angles(along_y, wo)
         rows, side = len(self.axes[1]), len(self.axes[0])
         i, s = self.node(0, dr.abs(phi) * (180.0 / math.pi))
         m, t = self.node(1, theta * (180.0 / math.pi))
@@ -121,20 +119,20 @@ class Far:
     # Light
 
     def at(self, wo, colors, gaps):
-        """The mean seen from ``wo``; ``colors`` of warp and weft, absorptions with shares."""
+        """The mean seen from ``wo``; ``colors`` of each kind, absorptions with shares."""
         kit, cloth = self.kit, self.cloth
         detach = dr.detach if kit.jit else (lambda x: x)
         mixed = [self.mixed(of) for of in colors]
         at = {"wo": wo, "weights": [m[0] for m in mixed], "around": [], "dark": [], "energy": []}
         classes = []
-        for k in range(2):
-            views, shares, theta = self.around(k == 0, wo)
+        for k, along_y in enumerate(self.along_y):
+            views, shares, theta = self.around(along_y, wo)
             at["around"].append((views, shares, theta))
-            sums, first = [0.0] * self.sigmas, [[0.0] * self.sigmas for _ in range(2)]
+            sums, first = [0.0] * self.sigmas, [[0.0] * self.sigmas for _ in range(self.layers)]
             for view, share in zip(views, shares):
                 sums = [s + share * x for s, x in zip(sums, self.row(self.energy, view + k * self.views))]
-                for layers in range(2):
-                    row = self.row(self.first, (view + k * self.views) * 2 + layers)
+                for layers in range(self.layers):
+                    row = self.row(self.first, (view + k * self.views) * self.layers + layers)
                     first[layers] = [s + share * x for s, x in zip(first[layers], row)]
             weights = mixed[k][0]
             dot = lambda row: [sum(x * w for x, w in zip(row, of)) for of in weights]
@@ -144,7 +142,14 @@ class Far:
             share = (clear - mean) / dr.maximum(clear - dark, 1e-9) * dark / dr.maximum(mean, 1e-30)
             at["dark"].append(dr.select(mean > 0.0, clamp(share, 0.0, 1.0), 0.0))
             at["energy"].append(mean)
-        at["up"], at["down"], at["about"], _ = cloth.between(wo, classes, [m[1] for m in mixed])
+        sigma = [m[1] for m in mixed]
+        if len(self.along_y) == 1:
+            # The other kind has no light.
+            classes += [kit.zero_s()] * self.layers
+            at["around"] *= 2
+            at["dark"].append(kit.float(0.0))
+            at["energy"].append(kit.float(0.0))
+        at["up"], at["down"], at["about"], _ = cloth.between(wo, classes, [sigma[0], sigma[-1]])
         at["up_sign"] = dr.select(wo[2] < 0.0, -1.0, 1.0)
         views, shares, _ = at["around"][0]
         at["passing"] = sum(share * kit.take(self.passing, view) for view, share in zip(views, shares))
@@ -181,7 +186,7 @@ class Far:
         """f of a family's plies by channel, and the density of their samples."""
         kit = self.kit
         views, shares, theta_i = at["around"][k]
-        theta, phi = self.angles(k == 0, b)
+        theta, phi = self.angles(self.along_y[k], b)
         q = clamp(q_of(theta_i, theta, self.steps), 0.0, self.nodes - 1.0)
         row = dr.minimum(dr.floor(q), self.nodes - 2.0)
         s = q - row
@@ -219,7 +224,7 @@ class Far:
         f = cloth.between_eval(at["about"], at["up"], at["down"], is_up, b)
         cos = dr.minimum(dr.abs(b[2]), 1.0)
         pdf = dr.select(is_up, at["chances"][2], at["chances"][3]) * cos * (1.0 / math.pi)
-        for k in range(2):
+        for k in range(len(self.along_y)):
             light, density = self.plies(at, k, b)
             f, pdf = f + light, pdf + at["chances"][k] * density
         if gaps is not None:
@@ -265,13 +270,13 @@ class Far:
             b = [dr.select(which == 4, x, y) for x, y in zip(w, b)]
         return b, kit.no(found)
 
-    def draw_plies(self, at, is_warp, u):
-        """A direction of a family's light."""
+    def draw_plies(self, at, is_first, u):
+        """A direction of a kind's light, the first or the last."""
         kit = self.kit
         (a, b) = at["around"]
-        views = [dr.select(is_warp, x, y + self.views) for x, y in zip(a[0], b[0])]
-        shares = [dr.select(is_warp, x, y) for x, y in zip(a[1], b[1])]
-        theta_i, share_dark = dr.select(is_warp, a[2], b[2]), dr.select(is_warp, *at["dark"])
+        views = [dr.select(is_first, x, y + (len(self.along_y) - 1) * self.views) for x, y in zip(a[0], b[0])]
+        shares = [dr.select(is_first, x, y) for x, y in zip(a[1], b[1])]
+        theta_i, share_dark = dr.select(is_first, a[2], b[2]), dr.select(is_first, *at["dark"])
         u0, view, found = u[0], views[3], kit.bool(False)
         for v, share in zip(views, shares):
             here = kit.both(kit.no(found), u0 < share)
@@ -294,4 +299,4 @@ class Far:
         low, high = (dr.sin(theta_of(theta_i, row + i, self.steps)) for i in (0.0, 1.0))
         theta = asin(clamp(low + (high - low) * u[2], -1.0, 1.0))
         phi = (kit.float(column) + across) * (TAU / self.columns)
-        return [dr.select(is_warp, x, y) for x, y in zip(self.direction(True, theta, phi), self.direction(False, theta, phi))]
+        return [dr.select(is_first, x, y) for x, y in zip(*(self.direction(along_y, theta, phi) for along_y in (self.along_y[0], self.along_y[-1])))]

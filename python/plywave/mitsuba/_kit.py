@@ -115,6 +115,12 @@ class Kit:
         )
         return state[1:]
 
+    def branch(self, state, cond, then):
+        """``then(*state)`` where ``cond`` holds, else ``state``; without gradients."""
+        if self.jit:
+            return dr.if_stmt(state, cond, lambda *s: then(*s), lambda *s: s)
+        return then(*state) if cond else state
+
     def times(self, count, state, body, unrolled, label=None):
         """``count`` iterations of ``state = body(i, *state)``; gradients do not pass loops in loops, so these are unrolled where gradients flow."""
         if not self.jit or unrolled or count <= 1:

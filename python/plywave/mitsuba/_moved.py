@@ -70,7 +70,7 @@ def again(self, si, own, start, d, s):
         model, theta_i, h = cloth.model_of(hit), hit["theta_i"], hit["h"]
         energies = cloth.plies.energies(model, theta_i, h)
         arrives = product * ratio(arrives, product)
-        through = cloth.plies.transmittances(model, self.sigma_of(si, own, hit["is_warp"], hit["yarn"]))
+        through = cloth.plies.transmittances(model, self.sigma_of(si, own, hit))
         sent = dr.select(here, arrives * (kit.S(energies[1]) + cloth.plies.high_energy(energies[2], through)), none)
         is_last = s["last_kept"] == i
         cls = dr.select(hit["is_warp"], kit.uint(0), kit.uint(2)) + dr.select(hit["is_double"], kit.uint(1), kit.uint(0))

@@ -33,6 +33,14 @@ def two_thirds(z):
 class Shadows:
     """Chances that light of a ply gets out of the cloth. The tables are those of ``Cloth``."""
 
+    def shadow_rows(self, hit, s):
+        """Two rows of the table and their shares, of light that leaves ``s`` radii further along the ply."""
+        is_warp = hit["is_warp"]
+        per_radius = self.of_family("radius", is_warp) * dr.select(is_warp, hit["frame"][2][1], hit["frame"][2][0])
+        x = (hit["along"] + s * per_radius) * self.of_family("places_per_um", is_warp)
+        whole, place = self.kit.floor(x)
+        return [(self.shadow_row(hit, place), 1.0 - (x - whole)), (self.shadow_row(hit, place + 1), x - whole)]
+
     def shadow_row(self, hit, place):
         kit = self.kit
         is_warp = hit["is_warp"]
@@ -75,14 +83,10 @@ class Shadows:
 
     def free_at(self, hit, s, around):
         """Chances of being free at the offsets, of light that leaves ``s`` radii further along the ply."""
-        kit, is_warp = self.kit, hit["is_warp"]
-        per_radius = self.of_family("radius", is_warp) * dr.select(is_warp, hit["frame"][2][1], hit["frame"][2][0])
-        x = (hit["along"] + s * per_radius) * self.of_family("places_per_um", is_warp)
-        whole, place = kit.floor(x)
-        between = x - whole
+        kit = self.kit
         sums = [0.0] * OFFSETS
-        for at, weight in ((place, 1.0 - between), (place + 1, between)):
-            row = self.shadow_row(hit, at) * SIZE
+        for row, weight in self.shadow_rows(hit, s):
+            row = row * SIZE
             for entry, w in around:
                 low, high = kit.word_pair(self.free_table, row + entry)
                 w = w * weight
@@ -122,17 +126,8 @@ class Shadows:
 
     def free(self, hit, model, b, lines, around, counts):
         """Shares of single reflection, of other light of clear fibers and of dark ones that get out in direction ``b``."""
-        is_warp = hit["is_warp"]
         refl, clear, dark = lines
-        scale = self.of_family("radius", is_warp) / self.of_family("half_width", is_warp)
-        off = further = 0.0
-        if self.most_plies > 1:
-            z, radius = hit["frame"][2], self.of_family("radius", is_warp)
-            p = [v / radius for v in hit["off_axis"]]
-            bz = dot3(b, z)
-            per_sine = dr.rsqrt(dr.maximum(1.0 - bz * bz, 0.02))
-            off = dot3(p, cross3(b, z)) * per_sine
-            further = -(dot3(p, b) - bz * dot3(p, z)) * bz * per_sine * per_sine
+        off, further, scale = self.off_yarn(hit, b)
         narrow = self.free_at(hit, 0.5 * (refl[1] + dark[1]) + further, around)
         wide = self.free_at(hit, clear[1] + further, around)
         exits = [self.exit_density(model, kind, line[0]) for kind, line in enumerate(lines)]
@@ -140,6 +135,18 @@ class Shadows:
         if self.some_one_by_one:
             shares = [a * b for a, b in zip(shares, self.pass_plies(hit, model, b, lines, exits))]
         return [dr.select(counts, x, 1.0) for x in shares]
+
+    def off_yarn(self, hit, b):
+        """How far a ply's axis lies from its yarn's, across and along direction ``b``, over the ply's radius, and that radius over half of the yarn's width."""
+        is_warp = hit["is_warp"]
+        scale = self.of_family("radius", is_warp) / self.of_family("half_width", is_warp)
+        if self.most_plies == 1:
+            return 0.0, 0.0, scale
+        z, radius = hit["frame"][2], self.of_family("radius", is_warp)
+        p = [v / radius for v in hit["off_axis"]]
+        bz = dot3(b, z)
+        per_sine = dr.rsqrt(dr.maximum(1.0 - bz * bz, 0.02))
+        return dot3(p, cross3(b, z)) * per_sine, -(dot3(p, b) - bz * dot3(p, z)) * bz * per_sine * per_sine, scale
 
     def pass_plies(self, hit, model, b, lines, exits):
         """What the other plies of a yarn let pass of light that leaves its ply so (src/fabric/shade.rs)."""

@@ -10,13 +10,12 @@ walk of the next, while kernels are recorded; the variables that describe a poin
 
 import drjit as dr
 
-from ._between import CLASSES
-from ._cloth import MIN_CAUGHT, MAX_NEAR
 from ._flight import NO_YARN
 from ._kit import detached, dot3
 from ._moved import again, room_beside
 from ._ply import clear_share, exit_lines
 from ._speckle import instance
+from ._tables import MAX_NEAR, MIN_CAUGHT
 
 #: Plies that are kept: the one that the line meets, and those beside it.
 KEPT = MAX_NEAR + 1
@@ -25,15 +24,15 @@ MIN_FREE, FOR_SHADOWS = 0.4, 1.25
 
 
 def walked(self, si, active, is_last=False):
-    """:meth:`walk`, or what it found before of the same point; kept for the next call but for the last of a point."""
+    """``walk`` of the plugin, or what it found before of the same point; kept for the next call but for the last of a point."""
     if not (self.kit.jit and dr.flag(dr.JitFlag.SymbolicScope)):
-        return walk(self, si, active)
+        return self.walk(si, active)
     inputs = [self.kit.bool(active), si.wi, si.uv, si.dp_du, si.dp_dv, si.sh_frame.n, si.t, si.duv_dx, si.duv_dy, si.p, si.prim_index, si.wavelengths, si.time]
     variables = list(_variables(inputs))
     # Where gradients are suspended, the answer has none.
     key = ([(v.index, getattr(v, "index_ad", 0)) for v in variables], dr.grad_enabled(self.probe))
     last, self.last = self.last, None
-    at = last[2] if last is not None and last[0] == key else walk(self, si, active)
+    at = last[2] if last is not None and last[0] == key else self.walk(si, active)
     if not is_last and not dr.grad_enabled(at["up"], at["down"], self.um_per_uv, *(x for x in at["own"] if x is not None)):
         # Results with gradients are not kept. The variables are kept too, so that their numbers are not
         # reused.
@@ -57,8 +56,8 @@ def _variables(value):
 def walk(self, si, active):
     """Follows the line of ``si.wi`` through the cloth."""
     kit, cloth = self.kit, self.cloth
-    options = cloth.options
     own = self.own_sigmas(si, active)
+    share = None
     if self.far is not None:
         share = self.far_share(si)
         active = kit.both(active, share < 1.0)
@@ -70,7 +69,6 @@ def walk(self, si, active):
     start, d, state = cloth.begin(self.place(si), wo, active)
     moved, given = start, detached(own) if is_moved else own
     start = [detach(x) for x in start]
-    up_sign = dr.select(wo[2] < 0.0, -1.0, 1.0)
     zero, none = kit.float(0.0), kit.zero_s()
     loop = {
         "state": state,
@@ -81,7 +79,7 @@ def walk(self, si, active):
         "kept": {key: [kit.int(NO_YARN) if key == "yarn" else zero] * KEPT for key in ("yarn", "place", "arrives", "weight")},
         "count": kit.uint(0),
         "last_kept": kit.uint(KEPT),
-        "classes": [kit.zero_s() for _ in range(CLASSES)],
+        "classes": [kit.zero_s() for _ in range(cloth.classes)],
         "plies": kit.zero_s(),
         # The ply that the line hits: whether there is one, theta_i, h, model, axes x and z; the yarns that
         # dye the light between yarns.
@@ -114,7 +112,7 @@ def walk(self, si, active):
         is_beyond = kit.both(beside, s["others"] >= MAX_NEAR)
         is_last = kit.both(is_other, s["others"] == MAX_NEAR - 1)
         counted = is_main | is_other
-        sigma = self.sigma_of(si, own, hit["is_warp"], hit["yarn"])
+        sigma = self.sigma_of(si, own, hit)
         through = cloth.plies.transmittances(model, sigma)
         energy = kit.S(energies[1]) + cloth.plies.high_energy(energies[2], through)
         sent = dr.select(counted, arrives * energy, none)
@@ -167,21 +165,35 @@ def walk(self, si, active):
     last = s["last"]
     classes = [e + dr.select(last["class"] == c, last["more"] * last["energy"], none) for c, e in enumerate(s["classes"])]
     yarns = s["dyed"]["yarns"]
-    dyes = [self.sigma_of(si, own, kit.bool(k == 0), yarns[k]) for k in range(2)]
-    up, down, about, caught = cloth.between(wo, classes, dyes)
-    # Chances (set_chances of src/fabric/at.rs).
-    of_plies = detach(s["plies"] + last["more"] * last["energy"])
+    dyes = [self.sigma_of(si, own, {"is_warp": kit.bool(k == 0), "yarn": yarns[k]}) for k in range(2)]
+    spectra = None if self.gaps is None else self.gaps.at(s["aperture"])
+    out = answer(self, si, own, wo, (classes, dyes), s, s["plies"] + last["more"] * last["energy"], spectra)
+    return out | {
+        "line": (moved if is_moved else start, d),
+        "is_moved": is_moved,
+        "last_kept": s["last_kept"],
+        "more": last["more"],
+        "far_share": share,
+    }
+
+
+def answer(self, si, own, wo, between, s, of_plies, spectra):
+    """What a line meets as queries need it: the light between yarns, of the energies of first plies by class and the absorptions in ``between``, what passes all plies, the chances of
+    all parts (``set_chances`` of src/fabric/at.rs)."""
+    kit, cloth = self.kit, self.cloth
+    detach = dr.detach if kit.jit else (lambda x: x)
+    up, down, about, caught = cloth.between(wo, *between)
+    of_plies = detach(of_plies)
     plies = kit.mean(of_plies)
     root = lambda x: dr.sqrt(kit.mean(x * x))
     chance_up, chance_down = (FOR_SHADOWS * root(detach(x)) for x in (up, down))
     free = dr.maximum(1.0 - detach(caught) / dr.maximum(of_plies, 1e-30), MIN_FREE)
     direct = root(of_plies * dr.sqrt(free * dr.sqrt(free)))
-    is_edge = kit.both(s["main"]["is"], kit.bool(options["edges"] and cloth.plies.some_edge))
+    is_edge = kit.both(s["main"]["is"], kit.bool(cloth.options["edges"] and cloth.plies.some_edge))
     if not cloth.plies.has_edge:
         is_edge = kit.both(is_edge, cloth.plies.number("edge", s["main"]["model"]) > 0.5)
-    is_aperture, spectra = kit.bool(False), None
-    if self.gaps is not None:
-        spectra = self.gaps.at(s["aperture"])
+    is_aperture = kit.bool(False)
+    if spectra is not None:
         open_ = kit.both(kit.both(spectra[0].passes(), spectra[1].passes()), wo[2] != 0.0)
         is_aperture = kit.both(kit.no(s["main"]["is"]), open_)
     is_diffracted = is_edge | is_aperture
@@ -190,7 +202,7 @@ def walk(self, si, active):
     per = dr.select(total > 0.0, 1.0 / dr.maximum(total, 1e-30), 0.0)
     out = {
         "wo": wo,
-        "up_sign": up_sign,
+        "up_sign": dr.select(wo[2] < 0.0, -1.0, 1.0),
         "passing": s["passing"],
         "is_edge": is_edge,
         "is_aperture": is_aperture,
@@ -203,16 +215,10 @@ def walk(self, si, active):
         "chances": [per * direct, per * dr.select(is_diffracted, passing, 0.0), per * chance_up, per * chance_down],
         "straight": per * dr.select(is_diffracted, 0.0, passing),
         "own": own,
-        "line": (moved if is_moved else start, d),
-        "is_moved": is_moved,
         "kept": s["kept"],
         "count": s["count"],
-        "last_kept": s["last_kept"],
-        "more": last["more"],
     }
-    if self.far is not None:
-        out |= {"far": self.mean_at(si, own, wo), "far_share": share}
-    return out
+    return out if self.far is None else out | {"far": self.mean_at(si, own, wo)}
 
 
 def plies_light(self, si, at, directions):
@@ -225,24 +231,24 @@ def plies_light(self, si, at, directions):
     detach = dr.detach if kit.jit else (lambda x: x)
     kept, given = {key: [detach(x) for x in values] for key, values in at["kept"].items()}, own
     if at["is_moved"]:
-        given = (own, start, at["kept"]["place"], at["kept"]["arrives"])
+        given = (own, start, at["kept"])
 
     def body(given, i, sums):
-        own, line, places, arriving = given if at["is_moved"] else (given, start, kept["place"], kept["arrives"])
-        which, place, arrives = (_of(values, i) for values in (kept["yarn"], places, arriving))
+        own, line, of = given if at["is_moved"] else (given, start, kept)
+        arrives = _of(of["arrives"], i)
         arrives = dr.select(i == at["last_kept"], arrives * at["more"], arrives)
-        hit = cloth.hit(which, line, d, place)
+        hit = cloth.hit_at({key: _of(of[key], i) for key in cloth.WHERE}, line, d)
         model = cloth.model_of(hit)
         theta_i, h, frame = hit["theta_i"], hit["h"], hit["frame"]
-        sigma = self.sigma_of(si, own, hit["is_warp"], hit["yarn"])
+        sigma = self.sigma_of(si, own, hit)
         energies = cloth.plies.energies(model, theta_i, h)
         towards = [[dot3(a, b) for a in frame] for b in directions]
         lights = cloth.plies.lobes_towards(model, theta_i, h, sigma, towards, energies, gradients, self.slit_of(si, hit))
-        exits = cloth.plies.exits(model, theta_i, h, cloth.of_family("radius", hit["is_warp"]))
+        exits = cloth.plies.exits(model, theta_i, h, cloth.ply_radius(hit))
         share, out = clear_share(sigma), []
         if self.speckle is not None:
-            family = dr.select(hit["is_warp"], kit.uint(0), kit.uint(1))
-            patterns = instance(kit, (kit.uint(hit["yarn"]) * 16 + hit["ply"] * 2 + family), hit["along"], h, cloth.grain)
+            ply, along, across = cloth.pattern_of(hit, at)
+            patterns = instance(kit, ply, along, across, cloth.grain)
         for n, (b, v, (refl, high, of_slit, density)) in enumerate(zip(directions, towards, lights)):
             if self.speckle is not None:
                 factors = self.speckle.factors(model, patterns, dr.sin(theta_i), v, self.lambda_um(si))
@@ -270,9 +276,9 @@ def chosen_ply(self, si, at, number):
     for i in range(KEPT - 1):
         chosen = dr.select(threshold >= sums[i], kit.uint(i + 1), chosen)
     chosen = dr.minimum(chosen, dr.maximum(at["count"], 1) - 1)
-    hit = cloth.hit(_of(at["kept"]["yarn"], chosen), start, d, detach(_of(at["kept"]["place"], chosen)))
+    hit = cloth.hit_at({key: detach(_of(at["kept"][key], chosen)) for key in cloth.WHERE}, start, d)
     q = [hit["theta_i"], hit["h"], *hit["frame"][0], *hit["frame"][2]]
-    return {"q": q, "model": cloth.model_of(hit), "is_warp": hit["is_warp"], "yarn": hit["yarn"], "slit": self.slit_of(si, hit)}
+    return {"q": q, "model": cloth.model_of(hit), "hit": hit, "slit": self.slit_of(si, hit)}
 
 
 def _of(values, i):

@@ -1,0 +1,73 @@
+"""A cloth of ply curves in Dr.Jit: its tables on the device, those of ``src/cloth/tensors.rs``."""
+
+import drjit as dr
+import numpy as np
+
+from ._lines import Lines
+from ._tables import Tables
+
+#: Words of a curve: its kind, first place and number of places in the table of shadows, the yarn's number and what is added to that by cell, the curve, its knots.
+KIND, FIRST, COUNT, NUMBER, STEP_A, STEP_B, CURVE = range(7)
+
+
+class Curves(Lines, Tables):
+    """Tables and geometry of a cloth on the device."""
+
+    #: What is kept of a ply that a line hits.
+    WHERE = ("piece", "cells", "place")
+    some_one_by_one = False
+
+    def __init__(self, kit, tensors):
+        Tables.__init__(self, kit, tensors)
+        self.top, self.largest, self.grain = map(float, tensors["scalars"][:3])
+        self.options = dict(zip(("speckle", "layers", "shadowing", "edges"), (v > 0.5 for v in tensors["options"])))
+        self.along_y = [bool(row[0] > 0.5) for row in tensors["kind"]]
+        self.kinds, self.scale = len(self.along_y), [float(row[1]) for row in tensors["kind"]]
+        self.per_knot = kit.floats(tensors["places_per_knot"])
+        self.read_lines(tensors)
+
+    def curve_word(self, curve, which):
+        return self.kit.take_word(self.of_curve, curve * 8 + which)
+
+    def kind_of(self, piece):
+        """Kind of the yarn of a piece."""
+        kit = self.kit
+        return kit.uint(0) if self.kinds == 1 else self.curve_word(kit.take_word(self.curve_of_piece, piece), KIND)
+
+    def scale_of(self, kind):
+        """Radius of the model's ply over that of the curves."""
+        return self.scale[0] if self.scale[0] == self.scale[-1] else dr.select(kind == 0, *self.scale)
+
+    def model_of(self, hit):
+        """Index of the model of a kind: a number where there is one."""
+        return 0 if self.models == 1 else hit["kind"]
+
+    def ply_radius(self, hit):
+        """Radius of the ply that a line hits, as its model has it [um]."""
+        return hit["radius"] * self.scale_of(hit["kind"])
+
+    def pattern_of(self, hit, at):
+        """Number of a ply, and place along and across it [um], by which speckle has its patterns, of what a line meets."""
+        kit, curve = self.kit, hit["curve"]
+        i, j = (kit.uint(c + o) for c, o in zip(hit["cells"], at["corner"]))
+        number = self.curve_word(curve, NUMBER) + self.curve_word(curve, STEP_A) * i + self.curve_word(curve, STEP_B) * j
+        ply = number * 64 + curve
+        return ply if kit.jit else ply & 0xFFFFFFFF, hit["parameter"] * hit["speed"], hit["h_um"]
+
+    # Shadows
+
+    def shadow_rows(self, hit, s):
+        """Two rows of the table and their shares, of light that leaves ``s`` radii further along the ply."""
+        kit, curve = self.kit, hit["curve"]
+        per_knot = kit.take(self.per_knot, curve)
+        x = (hit["parameter"] + s * hit["radius"] / dr.maximum(hit["speed"], 1e-6)) * per_knot
+        whole, place = kit.floor(x)
+        # Of lanes that are off the count reads 0.
+        first, count = self.curve_word(curve, FIRST), dr.maximum(self.curve_word(curve, COUNT), 1)
+        # Never as far as 2^12 periods from the first.
+        row = lambda place: first + kit.uint(place + kit.int(count) * (1 << 12)) % count
+        return [(row(place), 1.0 - (x - whole)), (row(place + 1), x - whole)]
+
+    def off_yarn(self, hit, b):
+        """A ply is a yarn of its own here."""
+        return 0.0, 0.0, 1.0

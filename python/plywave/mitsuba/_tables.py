@@ -1,0 +1,60 @@
+"""Tables of fabrics and of cloths of curves on the device: ply models, shadows, light between yarns, brightness (``src/fabric/tensors.rs``, ``src/cloth/tensors.rs``)."""
+
+import math
+
+import drjit as dr
+import numpy as np
+
+from ._between import COUNT, SIGMAS, Between
+from ._kit import clamp
+from ._ply import Plies, read_container
+from ._shadow import MEAN_Z, PASSED_COLUMNS, PASSED_ROWS, Shadows
+
+# src/fabric/bsdf.rs, hit.rs
+MIN_CAUGHT, MAX_NEAR = 1e-3, 4
+
+
+class Tables(Shadows, Between):
+    """What lies between the plies of a cloth, however they are found."""
+
+    def __init__(self, kit, tensors):
+        self.kit = kit
+        self.plies = Plies(kit, [read_container(bytes(b), "model")[0] for b in tensors["models"]])
+        self.models = len(tensors["models"])
+        passed = tensors["passed"]
+        corners = [passed[:, i : i + PASSED_ROWS - 1, k : k + PASSED_COLUMNS - 1] for i in range(2) for k in range(2)]
+        self.passed, self.passed_h = kit.floats(np.stack(corners, -1)), kit.floats(tensors["passed_h_um"])
+        self.free_table = kit.words(np.ascontiguousarray(tensors["shadow_free"]).reshape(-1).view("<u4"))
+        curve = tensors["curve"]
+        self.curve_length = float(tensors["scalars"][3])
+        self.curve_nodes = len(curve)
+        self.curve = kit.floats(curve)
+        at_one = 1.0 / (1.0 + self.curve_length)
+        self.curve_range = (float(np.interp(at_one, curve[::-1, 0], curve[::-1, 1])), float(curve[0, 1]))
+        widths = np.diff(np.float32(MEAN_Z))
+        # Those of two means behind each other, a packet.
+        shapes = tensors["exit_shapes"]
+        self.exit_shapes = kit.floats(np.concatenate([shapes[..., :-1, :], shapes[..., 1:, :]], -1))
+        self.mean_z = kit.floats(np.stack([MEAN_Z, [*(1.0 / widths), 0.0]], 1))
+        of = tensors["between_caught"].transpose(0, 1, 3, 4, 2)
+        self.classes = of.shape[1]
+        caught = np.zeros((2, self.classes, SIGMAS - 1, COUNT, 8), np.float32)
+        caught[..., 0:3], caught[..., 3:6] = of[:, :, :-1], of[:, :, 1:]
+        self.caught = kit.floats(caught)
+        self.leaves = kit.floats(tensors["between_leaves"])
+        self.shape = kit.floats(tensors["between_shape"])
+
+    def sigma_of_brightness(self, brightness):
+        """The absorption with which the cloth has a brightness: clear fibers above its range, black ones below (src/color/absorption.rs)."""
+        kit, last = self.kit, self.curve_nodes - 2
+        low, high = kit.uint(0), kit.uint(last)
+        # The last node whose value is not below the brightness.
+        for _ in range(max(1, math.ceil(math.log2(last + 1)))):
+            middle = (low + high + 1) >> 1
+            up = kit.take(self.curve, middle * 2 + 1) >= brightness
+            low, high = dr.select(up, middle, low), dr.select(up, high, middle - 1 if not kit.jit else dr.maximum(middle, 1) - 1)
+        v0, a, v1, b = (kit.take(self.curve, low * 2 + i) for i in range(4))
+        v = v0 + dr.select(a > b, clamp((a - brightness) / dr.maximum(a - b, 1e-12), 0.0, 1.0), 0.0) * (v1 - v0)
+        sigma = dr.minimum((1.0 / dr.maximum(v, 1e-9) - 1.0) / self.curve_length, 1.0)
+        dark, bright = self.curve_range
+        return dr.select(brightness > bright, 0.0, dr.select(brightness >= dark, sigma, 1.0))

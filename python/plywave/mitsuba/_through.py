@@ -1,0 +1,143 @@
+"""The plies that a line through a cloth of curves hits, and the light that they scatter, in Dr.Jit (``src/cloth/model.rs``).
+
+The hits are found without gradients (``_lines.py``). Where colors or the scale of uv have gradients, what the kept plies scatter is evaluated once more, one after the other.
+"""
+
+import drjit as dr
+
+from ._kit import detached
+from ._moved import ratio
+from ._tables import MAX_NEAR, MIN_CAUGHT
+from ._walk import KEPT, _of, answer
+
+# src/cloth/model.rs, plies.rs
+MIN_OWN, CLASSES_A_KIND, OFF = 0.05, 4, 0.05
+
+
+def walk(self, si, active):
+    """Follows the line of ``si.wi`` through the cloth."""
+    kit, cloth = self.kit, self.cloth
+    own = self.own_sigmas(si, active)
+    share = None
+    if self.far is not None:
+        share = self.far_share(si)
+        active = kit.both(active, share < 1.0)
+    detach = dr.detach if kit.jit else (lambda x: x)
+    wo = [detach(x) for x in self.to_pattern(si, si.wi)]
+    d = [-x for x in wo]
+    moved, corner = cloth.begin_line(self.place(si), wo)
+    start = [detach(x) for x in moved]
+    flat = detached(own)
+
+    def passes(kind, theta_i, h_um, radius):
+        h, off = h_um * cloth.scale_of(kind), OFF * radius
+        return cloth.passed_mean(cloth.model_of({"kind": kind}), theta_i, h - off, h + off)
+
+    found, count = cloth.follow(start, d, active, cloth.kind_of, passes)
+    zero, none = kit.float(0.0), kit.zero_s()
+    whole = ("piece", "cells", "class")
+    loop = {
+        "i": kit.uint(0),
+        "on": count > 0,
+        "passing": kit.float(1.0),
+        # Kept for each ply: where it is, its class, the light that arrives, the mean energy that it scatters.
+        "kept": {key: [kit.uint(0) if key in whole else zero] * KEPT for key in (*cloth.WHERE, "class", "arrives", "weight")},
+        "count": kit.uint(0),
+        # Energies by class, and the last ply's, which scatters what those beyond it catch.
+        "classes": [none] * cloth.classes,
+        "plies": none,
+        "last": {"more": kit.float(1.0), "catch": zero, "class": kit.uint(0), "energy": none},
+        "main": {"q": [zero] * 8, "model": kit.uint(0)},
+    }
+
+    def body(s):
+        s, i = dict(s), s["i"]
+        where = {key: _of(found[key], i) for key in cloth.WHERE}
+        hit = cloth.hit_at(where, start, d)
+        model, theta_i, h = cloth.model_of(hit), hit["theta_i"], hit["h"]
+        energies = cloth.plies.energies(model, theta_i, h)
+        arrives, r_d = s["passing"], energies[0]
+        catch = arrives * (1.0 - r_d)
+        is_main = kit.both(s["on"], i == 0)
+        behind = kit.both(s["on"], i > 0)
+        room = (s["count"] == 1) | kit.both(s["count"] <= MAX_NEAR, arrives > MIN_OWN)
+        is_other = kit.both(kit.both(behind, room), catch >= MIN_CAUGHT)
+        is_beyond = kit.both(behind, kit.no(room))
+        counted = is_main | is_other
+        through = cloth.plies.transmittances(model, self.sigma_of(si, flat, hit))
+        sent = dr.select(counted, arrives * (kit.S(energies[1]) + cloth.plies.high_energy(energies[2], through)), none)
+        cls = class_of(kit, hit["kind"], i, count)
+        s["plies"] = s["plies"] + sent
+        s["classes"] = [e + dr.select(cls == c, sent, none) for c, e in enumerate(s["classes"])]
+        last = s["last"]
+        more = dr.select(is_beyond, 1.0 + catch / dr.maximum(last["catch"], MIN_CAUGHT), 1.0)
+        s["last"] = {
+            "more": last["more"] * more,
+            "catch": dr.select(is_other, catch, last["catch"] * more),
+            "class": dr.select(is_other, cls, last["class"]),
+            "energy": dr.select(is_other, sent, last["energy"]),
+        }
+        new = where | {"class": cls, "arrives": arrives, "weight": kit.mean(sent)}
+        at = [kit.both(counted, s["count"] == k) for k in range(KEPT)]
+        s["kept"] = {key: [dr.select(here, new[key], x) for here, x in zip(at, old)] for key, old in s["kept"].items()}
+        s["count"] = s["count"] + dr.select(counted, kit.uint(1), kit.uint(0))
+        q = [theta_i, h, *hit["frame"][0], *hit["frame"][2]]
+        main = s["main"]
+        s["main"] = {"q": [dr.select(is_main, x, y) for x, y in zip(q, main["q"])], "model": dr.select(is_main, kit.uint(model), main["model"])}
+        s["passing"] = dr.select(counted | is_beyond, arrives * r_d, arrives)
+        s["i"] = i + 1
+        s["on"] = kit.both(kit.both(s["on"], s["passing"] >= MIN_CAUGHT), s["i"] < count)
+        return (s,)
+
+    (s,) = kit.loop((loop,), lambda s: s["on"], body, "plies")
+    last, several = s["last"], s["count"] > 1
+    more = dr.select(several, last["more"] - 1.0, 0.0)
+    s["classes"] = [e + dr.select(last["class"] == c, more * last["energy"], none) for c, e in enumerate(s["classes"])]
+    s["plies"] = s["plies"] + more * last["energy"]
+    s["main"] = s["main"] | {"is": s["count"] > 0}
+    last_kept = dr.select(several, s["count"] - 1, KEPT)
+    is_moved = kit.jit and dr.grad_enabled(self.um_per_uv)
+    if kit.jit and (is_moved or dr.grad_enabled(self.dyes, *own)):
+        s = again(self, si, own, moved, d, s, last_kept, last["more"])
+    dyes = [own[0], own[-1]]
+    out = answer(self, si, own, wo, (s["classes"], dyes), s, s["plies"], None)
+    return out | {
+        "line": (moved if is_moved else start, d),
+        "is_moved": is_moved,
+        "last_kept": last_kept,
+        "more": last["more"],
+        "corner": corner,
+        "far_share": share,
+    }
+
+
+def class_of(kit, kind, i, count):
+    """Class of a ply that a line hits as the ``i``-th of so many."""
+    return kit.uint(kind) * CLASSES_A_KIND + dr.select(i > 0, kit.uint(2), kit.uint(0)) + dr.select(i + 1 < count, kit.uint(1), kit.uint(0))
+
+
+def again(self, si, own, start, d, s, last_kept, more):
+    """The state of a walk's loop with the gradients of the line's place and of the absorptions."""
+    kit, cloth = self.kit, self.cloth
+    s, kept = dict(s), s["kept"]
+    none, product = kit.zero_s(), kit.float(1.0)
+    classes, plies, arriving = [kit.zero_s() for _ in s["classes"]], kit.zero_s(), []
+    main = s["main"]
+    for i in range(KEPT):
+        here = s["count"] > i
+        hit = cloth.hit_at({key: kept[key][i] for key in cloth.WHERE}, start, d)
+        model, theta_i, h = cloth.model_of(hit), hit["theta_i"], hit["h"]
+        energies = cloth.plies.energies(model, theta_i, h)
+        arrives = product * ratio(kept["arrives"][i], product)
+        through = cloth.plies.transmittances(model, self.sigma_of(si, own, hit))
+        grown = arrives * dr.select(last_kept == i, more, 1.0)
+        sent = dr.select(here, grown * (kit.S(energies[1]) + cloth.plies.high_energy(energies[2], through)), none)
+        classes = [e + dr.select(kept["class"][i] == c, sent, none) for c, e in enumerate(classes)]
+        plies = plies + sent
+        if i == 0:
+            q = [theta_i, h, *hit["frame"][0], *hit["frame"][2]]
+            main = main | {"q": [dr.select(here, x, y) for x, y in zip(q, main["q"])]}
+        product = dr.select(here, product * energies[0], product)
+        arriving.append(arrives)
+    s["passing"] = product * ratio(s["passing"], product)
+    return s | {"kept": kept | {"arrives": arriving}, "classes": classes, "plies": plies, "main": main}
