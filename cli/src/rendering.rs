@@ -11,8 +11,6 @@ use glam::Vec3;
 use plywave_render::{
     Camera, Environment, Facts, Film, FilmView, Ingredients, MAX_SCATTERINGS, Mesh, MeshNotes, RenderError, Setup, png,
 };
-use sha2::{Digest, Sha256};
-use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
@@ -83,39 +81,10 @@ impl Outputs {
     }
 }
 
-/// Largest file that a render reads [bytes].
-const MAX_INPUT: u64 = 1 << 32;
-
-/// SHA-256 of a file's bytes, in hex.
-pub fn digest_of_file(path: &Path) -> Outcome<String> {
-    let mut file = plywave::io::open_file(path, MAX_INPUT)?;
-    let mut hash = Sha256::new();
-    let mut buffer = vec![0; 1 << 16];
-    loop {
-        match file.read(&mut buffer) {
-            Ok(0) => return Ok(hex(&hash.finalize())),
-            Ok(n) => hash.update(&buffer[..n]),
-            Err(source) => return Err(plywave::Error::Io { file: path.display().to_string(), source }.into()),
-        }
-    }
-}
-
-/// Digest of bytes, as of a file of them.
-pub fn digest_of_bytes(bytes: &[u8]) -> String {
-    hex(&Sha256::digest(bytes))
-}
-
-fn hex(bytes: &[u8]) -> String {
-    bytes.iter().map(|b| format!("{b:02x}")).collect()
-}
-
 /// One digest for all of it.
 fn digest(of: &Ingredients) -> String {
-    let mut hash = Sha256::new();
-    for (name, value) in of {
-        hash.update(format!("{name} = {value}\n"));
-    }
-    format!("sha256:{}", hex(&hash.finalize()))
+    let all: String = of.iter().map(|(name, value)| format!("{name} = {value}\n")).collect();
+    format!("sha256:{}", plywave_pipeline::digest_of_bytes(all.as_bytes()))
 }
 
 /// Refuses flags out of range.

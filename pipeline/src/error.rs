@@ -50,6 +50,7 @@ impl Error {
     pub fn of_simulation(error: SimError, file: &str) -> Error {
         match error {
             SimError::Interrupted { left, total } => Error::Interrupted { left, total },
+            SimError::Stopped => Error::Interrupted { left: 0, total: 0 },
             SimError::Runtime(error) => Error::Runtime(error),
             error @ (SimError::PartsInUse { .. }
             | SimError::PartsFound { .. }

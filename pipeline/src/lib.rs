@@ -1,4 +1,4 @@
-//! Pipeline of plywave: from a yarn's spec to its ply model.
+//! Pipeline of plywave: from a yarn's spec to its ply model, from a cloth spec to its cloth.
 //!
 //! A [`Recipe`] has a spec, a [`Quality`], a seed, overrides of sizes, and the source of speckle. [`build`]
 //! builds its model, with progress, a stop flag and finished shards on disk. Its stages are also separate
@@ -7,6 +7,8 @@
 //! ```text
 //! spec --simulate--> table of a ply --yarn_table--> table of the yarn --fit_model--> model, edge lobes, layer factors --add_speckle--> model with noise
 //! ```
+//!
+//! A [`ClothRecipe`] makes the cloth of a cloth spec, or finds it among those that were made.
 //!
 //! ```no_run
 //! use plywave_pipeline::{Quality, Recipe, Run, build};
@@ -19,6 +21,7 @@
 //! ```
 
 mod build;
+mod cloth;
 mod error;
 mod family;
 mod recipe;
@@ -27,6 +30,7 @@ mod shipped;
 mod stages;
 
 pub use build::{Built, Times, build};
+pub use cloth::{ClothRecipe, ReadyCloth, cloth_cache, digest_of_bytes, digest_of_file};
 pub use error::Error;
 pub use family::{
     FamilyFolder, FamilyJob, FamilyOptions, build_family, check_family_spec, energies_off, family_jobs, member,

@@ -19,6 +19,8 @@ pub enum Stage {
     FitErrors,
     /// Fibers whose speckle is solved.
     Speckle,
+    /// A step of making a cloth, by its name: 0 of 1 is done.
+    Cloth(&'static str),
 }
 
 impl Stage {
@@ -31,6 +33,7 @@ impl Stage {
             Stage::FitReflection => "fit refl",
             Stage::FitErrors => "errors",
             Stage::Speckle => "speckle",
+            Stage::Cloth(step) => step,
         }
     }
 
@@ -41,6 +44,7 @@ impl Stage {
             Stage::Yarn => "incidences",
             Stage::FitHigh | Stage::FitReflection | Stage::FitErrors => "slices",
             Stage::Speckle => "fibers",
+            Stage::Cloth(_) => "steps",
         }
     }
 

@@ -2,11 +2,13 @@
 
 use super::shade::ClothShadows;
 use super::{ClothCurves, ClothYarn, PlyCurve};
+use crate::fabric::FabricOptions;
 use crate::fabric::between::{CLASSES, CLASSES_A_KIND, FEW, InterYarn, PAIRS, SIGMAS, Side, TERMS};
 use crate::fabric::far::{COLUMNS, FarData, NODES, Runs, VIEWS};
 use crate::fabric::shadow::{self, LANES, ROWS};
 use crate::fabric::splines::COUNT;
 use crate::io::{Axis, Check, Document, FileKind, Provenance, Reader, Writer, document, invalid};
+use crate::spec::YarnSpec;
 use crate::{PlyModel, Result};
 use serde::{Deserialize, Serialize};
 use std::path::Path;
@@ -90,6 +92,24 @@ impl ClothData {
     /// Whether the mean over the cell is in it.
     pub fn has_far(&self) -> bool {
         self.far.is_some()
+    }
+
+    /// Effects that these options ask of it and that it does not have, one note a line: speckle of models
+    /// without noise, the mean over the cell.
+    pub fn notes(&self, options: &FabricOptions) -> Vec<String> {
+        let mut notes = Vec::new();
+        let smooth = self.models.iter().filter(|model| options.noise && model.data().noise.is_none());
+        for model in smooth {
+            let ply = YarnSpec::parse(&model.data().spec_text, "model").map_or_else(|_| "a ply".into(), |s| s.name);
+            let note = format!("{ply} has no speckle noise and stays smooth; `plywave noise` adds it");
+            if !notes.contains(&note) {
+                notes.push(note);
+            }
+        }
+        if options.far && !self.has_far() {
+            notes.push("the mean over the cell is not in the file: footprints count as points".into());
+        }
+        notes
     }
 
     fn kinds(&self) -> usize {

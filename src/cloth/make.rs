@@ -27,7 +27,7 @@ impl ClothData {
         curves: &ClothCurves,
         models: &[Arc<PlyModel>],
         has_far: bool,
-        mut told: impl FnMut(&str) -> Result<()>,
+        mut told: impl FnMut(&'static str) -> Result<()>,
     ) -> Result<ClothData> {
         told("shadows")?;
         let models: Vec<Arc<PlyModel>> = models.iter().map(|m| Ok(Arc::new(m.of_lines()?))).collect::<Result<_>>()?;

@@ -12,12 +12,13 @@ use crate::color::AlbedoCurve;
 use crate::fabric::at::{FabricBsdf, NearPly, Passes, in_pattern};
 use crate::fabric::between::{CLASSES_A_KIND, InterYarn, SIGMA_PER_UM, SIGMAS};
 use crate::fabric::color_of;
-use crate::fabric::dye::{Dye, own_color};
+use crate::fabric::dye::{ColorReach, Dye, own_color};
 use crate::fabric::far::{self, Far, FarAt, FarData, Mixed, Places, Runs, Seen};
 use crate::fabric::hit::MAX_NEAR;
 use crate::fabric::shade::Shade;
 use crate::fabric::shadow::Toward;
 use crate::fabric::{Channels, ColorOf, FabricOptions, FabricQuery, YarnColor};
+use crate::fiber::Reflections;
 use crate::ply::{Prepared, UncachedPly};
 use crate::speckle::Instance;
 use crate::{PlyModel, PlyQuery, Result};
@@ -33,9 +34,13 @@ const MIN_OWN: f32 = 0.05;
 #[derive(Clone, Debug)]
 pub struct ClothModel {
     pub(super) plies: ClothPlies,
-    /// Brightness of the cloth over absorption under a sky all round.
+    /// Brightness of the cloth over absorption, and what it is the brightness of.
     pub(super) curve: AlbedoCurve,
-    /// By kind, the absorption that gives its yarns their color; of a single kind twice.
+    color_of: ColorOf,
+    /// By kind, what the reflections of its fibers absorb, if they are opaque; its color; the absorption that
+    /// gives it. Of a single kind twice.
+    metals: [Option<Reflections>; 2],
+    colors: [YarnColor; 2],
     pub(super) dyes: [Dye; 2],
     pub(super) options: FabricOptions,
     pub(super) shadows: ClothShadows,
@@ -78,30 +83,73 @@ impl ClothModel {
         let runs = plies.runs;
         let curve = data.between.curve();
         let yarns = spec.yarns();
-        let dye = |kind: usize| -> Result<Dye> {
-            let kind = kind.min(plies.kinds - 1);
-            let yarn = yarns.get(kind).or(yarns.first());
-            let color = match (options.sigma_per_um, yarn.and_then(|y| y.srgb), yarn.and_then(|y| y.sigma_per_um)) {
+        let kind = |kind: usize| kind.min(plies.kinds - 1);
+        let colors = [0, 1].map(|k| {
+            let yarn = yarns.get(kind(k)).or(yarns.first());
+            match (options.sigma_per_um, yarn.and_then(|y| y.srgb), yarn.and_then(|y| y.sigma_per_um)) {
                 (Some(sigma), ..) => YarnColor::Sigma(sigma),
                 (_, Some(srgb), _) => YarnColor::Srgb(srgb.map(|v| v as f32)),
                 (_, _, Some(sigma)) => YarnColor::Sigma(sigma as f32),
                 _ => YarnColor::Undyed,
-            };
-            Ok(match own_color(&plies.models[kind])? {
-                Some(metal) if color == YarnColor::Undyed => Dye::of_metal(&metal, &curve),
-                _ => Dye::new(color, &curve),
-            })
-        };
-        let dyes = [dye(0)?, dye(1)?];
+            }
+        });
+        let metals = [own_color(&plies.models[0])?, own_color(&plies.models[kind(1)])?];
         Ok(ClothModel {
+            dyes: [0, 1].map(|k| dye_of(colors[k], metals[k].as_ref(), &curve)),
             curve,
+            color_of: ColorOf::EvenSky,
+            metals,
+            colors,
             plies,
-            dyes,
             options: *options,
             shadows: data.shadows,
             between: data.between,
             far: data.far.filter(|_| options.far).map(|far| Arc::new(Far::of(FarData { runs, ..far }))),
         })
+    }
+
+    /// The same cloth with other colors of its kinds of yarns, which are colors of `of`; of a single kind, the
+    /// first. Nothing is traced; where `of` was not the cloth's, it takes seconds.
+    #[must_use]
+    pub fn with_colors(&self, colors: [YarnColor; 2], of: ColorOf) -> ClothModel {
+        let mut other = self.clone();
+        if of != self.color_of {
+            other.curve = self.color_curve_of(of);
+            other.color_of = of;
+        }
+        other.colors = [0, 1].map(|kind: usize| colors[kind.min(self.kinds() - 1)]);
+        other.dyes = [0, 1].map(|k| dye_of(other.colors[k], other.metals[k].as_ref(), &other.curve));
+        other
+    }
+
+    /// Its colors in sRGB, each once, and what becomes of them.
+    pub fn colors(&self) -> Vec<ColorReach> {
+        let mut colors: Vec<[f32; 3]> = Vec::new();
+        for color in self.colors {
+            if let YarnColor::Srgb(srgb) = color
+                && !colors.contains(&srgb)
+            {
+                colors.push(srgb);
+            }
+        }
+        colors.into_iter().map(|srgb| ColorReach::from_srgb(srgb, &self.curve)).collect()
+    }
+
+    /// Number of kinds of yarns: 2, warp and weft, of a woven cloth, else 1.
+    pub fn kinds(&self) -> usize {
+        self.plies.kinds
+    }
+
+    /// The ply model of a kind of yarn, [in single lines](PlyModel::of_lines); `None` for a kind that it does
+    /// not have.
+    pub fn model_of(&self, kind: usize) -> Option<&PlyModel> {
+        self.plies.models.get(kind).map(Arc::as_ref)
+    }
+
+    /// Whether queries with a footprint get the mean over the cell: it is in the file, and the options ask for
+    /// it.
+    pub fn has_far(&self) -> bool {
+        self.far.is_some()
     }
 
     /// The plies that lines hit.
@@ -121,6 +169,7 @@ impl ClothModel {
             + self.shadows.memory_bytes()
             + self.between.memory_bytes()
             + self.far.as_ref().map_or(0, |far| far.memory_bytes())
+            + self.dyes.iter().map(Dye::memory_bytes).sum::<usize>()
     }
 
     /// Brightness of the cloth over the absorption of its fibers, in the meaning of its colors.
@@ -128,16 +177,33 @@ impl ClothModel {
         &self.curve
     }
 
-    /// As [`ClothModel::color_curve`], in another meaning.
+    /// What its colors are colors of: of a file, a sky all round.
+    pub fn color_of(&self) -> ColorOf {
+        self.color_of
+    }
+
+    /// As [`ClothModel::color_curve`], in another meaning. It takes seconds but for the cloth's own and
+    /// [`ColorOf::EvenSky`].
     pub fn color_curve_of(&self, of: ColorOf) -> AlbedoCurve {
-        if of == ColorOf::EvenSky {
+        if of == self.color_of {
             return self.curve.clone();
+        }
+        let even_sky = self.between.curve();
+        if of == ColorOf::EvenSky {
+            return even_sky;
         }
         let rays = ClothModel { options: FabricOptions::RAYS, far: None, ..self.clone() };
         // Places are even over a part of the plane that is large beside the cell.
         let [a, b] = self.plies.lattice.cell_um;
         let repeat_um = [0, 1].map(|k| a[k].abs().max(b[k].abs()));
-        color_of::curve(&color_of::Sheet { cloth: &rays, repeat_um }, of, &self.curve)
+        color_of::curve(&color_of::Sheet { cloth: &rays, repeat_um }, of, &even_sky)
+    }
+
+    /// Absorptions [1/um] with which the cloth has these reflectances, 0 to 1, at wavelengths or in linear
+    /// RGB: [`ClothModel::color_curve`] inverted. What is out of reach is clamped to clear or black fibers.
+    /// Hosts convert a texture once.
+    pub fn sigma_of_reflectance<const N: usize>(&self, reflectance: [f32; N]) -> [f32; N] {
+        reflectance.map(|r| self.curve.sigma(f64::from(r)).0 as f32)
     }
 
     #[inline]
@@ -297,6 +363,14 @@ impl ClothModel {
         let between = self.between.at(wo, &firsts, sigma.map(|s| s.sigma()), self.sent());
         let (passing, _) = far.passing(wo);
         Some((FarAt::new(plies, between, passing, [None; far::APERTURES]), share))
+    }
+}
+
+/// The absorption of a color, or of the metal of fibers without a color.
+fn dye_of(color: YarnColor, metal: Option<&Reflections>, curve: &AlbedoCurve) -> Dye {
+    match metal {
+        Some(metal) if color == YarnColor::Undyed => Dye::of_metal(metal, curve),
+        _ => Dye::new(color, curve),
     }
 }
 

@@ -10,6 +10,7 @@ use plywave::FabricModel;
 use plywave::cloth::{ClothModel, ClothSurface};
 use plywave::fabric::{FabricOptions, FabricSpec};
 use plywave::twin::{ClothTwin, Comparison, ComparisonOptions, compare};
+use plywave_pipeline::ReadyCloth;
 use plywave_sim::twin::{TwinCloth, TwinCurves};
 use std::path::Path;
 
@@ -57,8 +58,7 @@ pub fn run(cli: &Cli, args: &CheckArgs) -> Outcome {
 
 /// Runs the command on a cloth of curves.
 fn run_curves(cli: &Cli, args: &CheckArgs, path: &Path) -> Outcome {
-    let mut notes = Vec::new();
-    let (data, _) = super::cloth_file::ready(cli, &args.model, &mut notes)?;
+    let ReadyCloth { data, notes, .. } = super::cloth_file::ready(cli, &args.model)?;
     if !cli.quiet {
         notes.iter().for_each(|note| eprintln!("note: {note}"));
     }

@@ -6,7 +6,6 @@ pub mod check_cloth;
 pub mod check_filament;
 pub mod check_traced;
 mod cloth_file;
-mod cloth_spec;
 pub mod color;
 pub mod compare;
 pub mod diff;

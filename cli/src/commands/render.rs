@@ -5,13 +5,12 @@ use crate::args::{Cli, FabricPart, Integrator, RenderArgs};
 use crate::failure::{Failure, Outcome};
 use crate::kinds;
 use crate::progress::STOP;
-use crate::rendering::{
-    About, Outputs, camera, camera_flags, check_flags, digest_of_bytes, digest_of_file, film, mesh, setup, shoot,
-};
+use crate::rendering::{About, Outputs, camera, camera_flags, check_flags, film, mesh, setup, shoot};
 use plywave::fabric::{
     Fabric, FabricModel, FabricOptions, FabricSpec, GapLight, LoadedFabric, Slits, WeaveSpec, YarnSet,
 };
 use plywave::gap::{SLIT_MAX_UM, SLIT_SHARE};
+use plywave_pipeline::{digest_of_bytes, digest_of_file};
 use plywave_render::{Camera, RenderOptions, Setup, render};
 use std::path::{Path, PathBuf};
 

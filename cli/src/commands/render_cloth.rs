@@ -4,9 +4,10 @@ use super::cloth_file;
 use crate::args::{Cli, FabricPart, Integrator, RenderArgs};
 use crate::failure::{Failure, Outcome};
 use crate::progress::STOP;
-use crate::rendering::{About, Outputs, camera, camera_flags, check_flags, digest_of_file, film, mesh, setup, shoot};
+use crate::rendering::{About, Outputs, camera, camera_flags, check_flags, film, mesh, setup, shoot};
 use plywave::cloth::ClothModel;
 use plywave::fabric::{FabricOptions, GapLight};
+use plywave_pipeline::{ReadyCloth, digest_of_file};
 use plywave_render::{RenderOptions, Setup, render};
 use std::path::{Path, PathBuf};
 
@@ -29,8 +30,7 @@ pub fn run(cli: &Cli, args: &RenderArgs) -> Outcome {
     inputs.extend(args.sky.iter().map(|s| ("sky", s.clone())));
     let read: Vec<&Path> = inputs.iter().map(|(_, path)| path.as_path()).collect();
     let _held = outputs.hold(&read)?;
-    let mut notes = Vec::new();
-    let (data, digest) = cloth_file::ready(cli, &args.fabric, &mut notes)?;
+    let ReadyCloth { data, digest, mut notes } = cloth_file::ready(cli, &args.fabric)?;
     let without = |part: FabricPart| args.without.contains(&part);
     let options = FabricOptions {
         gaps: GapLight::Straight,
@@ -65,15 +65,7 @@ pub fn run(cli: &Cli, args: &RenderArgs) -> Outcome {
     }
     of.extend(camera_flags(args));
     let film = film(args, &outputs, &of)?;
-    if options.noise {
-        let smooth = data.models.iter().filter(|model| model.data().noise.is_none());
-        notes.extend(smooth.map(|model| {
-            format!(
-                "{} has no speckle noise and stays smooth; `plywave noise` adds it",
-                super::cloth_spec::spec_name(model)
-            )
-        }));
-    }
+    notes.extend(data.notes(&options));
     let mesh = mesh(args, size, &mut notes)?;
     let sky = crate::rendering::sky(args, &mut notes)?;
     notes.dedup();

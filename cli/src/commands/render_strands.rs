@@ -5,8 +5,9 @@ use crate::args::{Cli, Integrator, RenderArgs};
 use crate::failure::{Failure, Outcome};
 use crate::output;
 use crate::progress::STOP;
-use crate::rendering::{About, Outputs, camera, camera_flags, check_flags, digest_of_file, failed, film, shoot};
+use crate::rendering::{About, Outputs, camera, camera_flags, check_flags, failed, film, shoot};
 use crate::strand_scene::{Loaded, StrandSpec};
+use plywave_pipeline::digest_of_file;
 use plywave_render::{RenderOptions, StrandDual, StrandDualOptions, render_strands, render_strands_dual};
 use std::path::{Path, PathBuf};
 

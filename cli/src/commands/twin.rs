@@ -1,5 +1,6 @@
 //! `plywave twin`: fabric spec in, the light that path tracing of its explicit fibers sends out.
 
+use super::cloth_file;
 use super::runs::{self, ProgressNames};
 use crate::args::{Cli, TwinArgs};
 use crate::failure::Outcome;
@@ -16,9 +17,10 @@ use std::time::Duration;
 pub fn run(cli: &Cli, args: &TwinArgs) -> Outcome {
     let refuse = |e| runs::failure(e, &args.spec);
     let source: TwinSource = if kinds::kind_of(&args.spec) == Some(Kind::Cloth) {
-        let (spec, made) = super::cloth_spec::make(cli, &args.spec)?;
-        let texts = super::cloth_spec::ply_specs(cli, &args.spec, &spec)?;
-        TwinCurves::new(&spec.name, made.curves, texts).map_err(refuse)?.into()
+        let recipe = cloth_file::recipe(&args.spec)?;
+        let texts = recipe.ply_specs(&cli.library()?).map_err(runs::pipeline_failure)?;
+        let made = cloth_file::curves(cli, &recipe)?;
+        TwinCurves::new(&recipe.spec.name, made.curves, texts).map_err(refuse)?.into()
     } else {
         let loaded = FabricSpec::load_file(&args.spec, &cli.library()?)?;
         kinds::tell_fabric_notes(cli, &loaded);

@@ -1,13 +1,13 @@
 //! `plywave weave` of a cloth spec: the curves of its plies, and what a weaver would measure.
 
-use super::cloth_file;
-use super::cloth_spec::{self, kind_name, make};
+use super::{cloth_file, runs};
 use crate::args::{Cli, WeaveArgs};
 use crate::failure::{Failure, Outcome};
 use crate::kinds::{self, Kind};
 use crate::plot::{self, Format};
 use crate::{output, progress, report};
 use plywave::cloth::{ClothData, ClothSpec, YarnOfCloth};
+use plywave_pipeline::ClothRecipe;
 use plywave_sim::cloth::{CurveFormat, MadeCloth, measure, write_curves};
 use std::path::Path;
 use std::time::{Duration, Instant};
@@ -37,22 +37,23 @@ pub fn run(cli: &Cli, args: &WeaveArgs) -> Outcome {
             Some(format.ok_or_else(|| Failure::input(path.display(), "-o", "its ending", hint))?)
         }
     };
+    let recipe = cloth_file::recipe(&args.fabric)?;
     // What is quickly refused comes before what takes seconds.
     let models = match is_cloth {
-        true => Some(cloth_file::models(cli, &args.fabric, &cloth_spec::read(&args.fabric)?.1)?),
+        true => Some(recipe.models(&cli.library()?).map_err(runs::pipeline_failure)?),
         false => None,
     };
     let begun = Instant::now();
-    let (spec, made) = make(cli, &args.fabric)?;
+    let made = cloth_file::curves(cli, &recipe)?;
     let time = begun.elapsed();
     if let (Some(path), Some(models)) = (&args.output, models) {
-        let bytes = cloth_file::make(cli, &args.fabric, &spec, &made, &models)?.to_bytes()?;
+        let bytes = cloth_file::make(cli, &recipe, &made, &models)?.to_bytes()?;
         progress::stoppable(|| output::write_whole(path, &bytes))?;
     }
     if let (Some(path), Some(format)) = (&args.output, format) {
-        progress::stoppable(|| output::write_whole(path, &write_curves(&made.curves, &spec.name, format)))?;
+        progress::stoppable(|| output::write_whole(path, &write_curves(&made.curves, &recipe.spec.name, format)))?;
     }
-    tell(cli, args.output.as_deref(), &spec, &made, time)
+    tell(cli, args.output.as_deref(), &recipe, &made, time)
 }
 
 /// `plywave plot` of a cloth spec: sections through it.
@@ -64,8 +65,9 @@ pub fn plot(cli: &Cli, file: &Path, output: &Path, format: Format) -> Outcome {
         let measures = measure(&data.curves, &lattice, &spec.yarns())?;
         (spec.name, data.curves, measures)
     } else {
-        let (spec, made) = make(cli, file)?;
-        (spec.name, made.curves, made.measures)
+        let recipe = cloth_file::recipe(file)?;
+        let made = cloth_file::curves(cli, &recipe)?;
+        (recipe.spec.name, made.curves, made.measures)
     };
     let particulars =
         format!("{:.0} um thick, {:.1} % open, {:.0} g/m2", m.thickness_um, 100.0 * m.openness, m.mass_g_per_m2);
@@ -81,8 +83,8 @@ pub fn plot(cli: &Cli, file: &Path, output: &Path, format: Format) -> Outcome {
     })
 }
 
-fn tell(cli: &Cli, path: Option<&Path>, spec: &ClothSpec, made: &MadeCloth, time: Duration) -> Outcome {
-    let m = &made.measures;
+fn tell(cli: &Cli, path: Option<&Path>, recipe: &ClothRecipe, made: &MadeCloth, time: Duration) -> Outcome {
+    let (spec, m) = (&recipe.spec, &made.measures);
     if cli.json {
         return output::print_json(&serde_json::json!({
             "cloth": spec.name,
@@ -118,7 +120,7 @@ fn tell(cli: &Cli, path: Option<&Path>, spec: &ClothSpec, made: &MadeCloth, time
         for measures in &m.yarns {
             let of = spec.yarns();
             let Some(yarn) = of.get(measures.kind as usize) else { continue };
-            write_yarn(out, kind_name(spec, measures.kind), yarn, measures, spec.knit.is_some())?;
+            write_yarn(out, recipe.kind_name(measures.kind as usize), yarn, measures, spec.knit.is_some())?;
         }
         writeln!(out, "  thickness    {:.0} um", m.thickness_um)?;
         writeln!(out, "  cover        {:.2} % covered, {:.2} % open", 100.0 * (1.0 - m.openness), 100.0 * m.openness)?;

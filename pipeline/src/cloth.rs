@@ -1,0 +1,272 @@
+//! From a cloth spec to a cloth ready for shading: the models that it names, its curves, the cache of cloths
+//! that were made.
+
+use crate::error::Error;
+use crate::run::{Progress, Run, Stage};
+use plywave::PlyModel;
+use plywave::cloth::{ClothData, ClothSpec, YarnOfCloth};
+use plywave::fabric::WeaveSpec;
+use plywave::io::ModelLibrary;
+use plywave_sim::cloth::{MadeCloth, make_cloth};
+use sha2::{Digest, Sha256};
+use std::io::Read;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+/// Largest cloth spec, and largest file that it names [bytes].
+const MAX_SPEC_BYTES: u64 = 1 << 20;
+const MAX_BYTES: u64 = 256 << 20;
+
+/// A cloth spec and the folder of the files that it names.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ClothRecipe {
+    /// Name of the spec in messages.
+    pub file: String,
+    /// Folder of the files that it names.
+    pub folder: PathBuf,
+    /// The cloth.
+    pub spec: ClothSpec,
+    /// Text of the spec, kept in the cloth file.
+    pub spec_text: String,
+}
+
+/// A cloth, ready for shading.
+#[derive(Clone, Debug)]
+pub struct ReadyCloth {
+    /// The cloth.
+    pub data: ClothData,
+    /// SHA-256 of what it is made of, in hex.
+    pub digest: String,
+    /// Notes, one a line: those of its curves, whether it was made, where it is kept.
+    pub notes: Vec<String>,
+}
+
+impl ClothRecipe {
+    /// Reads a spec's file.
+    ///
+    /// # Errors
+    /// Those of the file and of [`ClothSpec::parse`].
+    pub fn load(path: impl AsRef<Path>) -> Result<ClothRecipe, Error> {
+        let path = path.as_ref();
+        let text = plywave::io::read_text(path, MAX_SPEC_BYTES)?;
+        ClothRecipe::parse(&path.display().to_string(), text, path.parent().unwrap_or(Path::new("")))
+    }
+
+    /// Of a spec's text; `file` stands for it in messages, and `folder` has the files that it names.
+    ///
+    /// # Errors
+    /// As [`ClothSpec::parse`].
+    pub fn parse(file: &str, text: impl Into<String>, folder: impl Into<PathBuf>) -> Result<ClothRecipe, Error> {
+        let spec_text = text.into();
+        let spec = ClothSpec::parse(&spec_text, file)?;
+        Ok(ClothRecipe { file: file.into(), folder: folder.into(), spec, spec_text })
+    }
+
+    /// Name of a kind of yarn: warp, weft or yarn.
+    pub fn kind_name(&self, kind: usize) -> &'static str {
+        match (self.spec.weave.is_some(), kind) {
+            (true, 0) => "warp",
+            (true, _) => "weft",
+            _ => "yarn",
+        }
+    }
+
+    fn invalid(&self, key: &str, value: &str, hint: String) -> Error {
+        Error::Runtime(plywave::Error::Invalid { file: self.file.clone(), key: key.into(), value: value.into(), hint })
+    }
+
+    /// By kind of yarn, what `of` makes of the key and the name of its model; `hint` is for a yarn without.
+    fn each_model<T>(&self, hint: &str, of: impl Fn(&str, &str) -> Result<T, Error>) -> Result<Vec<T>, Error> {
+        let one = |(kind, yarn): (usize, &YarnOfCloth)| {
+            let key = format!("{}.model", self.kind_name(kind));
+            match &yarn.model {
+                Some(model) => of(&key, model),
+                None => Err(self.invalid(&key, "(absent)", hint.into())),
+            }
+        };
+        self.spec.yarns().into_iter().enumerate().map(one).collect()
+    }
+
+    /// The models of its plies, by kind of yarn. A yarn spec that is named stands for the model beside it, of
+    /// the same name with `.pwm`.
+    ///
+    /// # Errors
+    /// [`plywave::Error::Invalid`] for a yarn without a model, and as [`ModelLibrary::load`].
+    pub fn models(&self, library: &ModelLibrary) -> Result<Vec<Arc<PlyModel>>, Error> {
+        self.each_model("name the model of its plies", |key, model| {
+            let mut path = self.folder.join(model);
+            if is_toml(&path) {
+                let named = path.display().to_string();
+                path.set_extension("pwm");
+                if !path.exists() {
+                    let hint = format!("build its model first: `plywave build {named} -o {}`", path.display());
+                    return Err(self.invalid(key, model, hint));
+                }
+            }
+            let path = if path.exists() { path } else { model.into() };
+            Ok(Arc::new(library.load(&path)?))
+        })
+    }
+
+    /// Texts of the specs of its plies, by kind of yarn: of yarn specs that it names, or in its models.
+    ///
+    /// # Errors
+    /// As [`ClothRecipe::models`].
+    pub fn ply_specs(&self, library: &ModelLibrary) -> Result<Vec<String>, Error> {
+        self.each_model("name the model of its plies, or their yarn spec (.toml)", |_, model| {
+            let path = self.folder.join(model);
+            if is_toml(&path) {
+                return Ok(plywave::io::read_text(&path, MAX_SPEC_BYTES)?);
+            }
+            let path = if path.exists() { path } else { model.into() };
+            Ok(library.load(&path)?.data().spec_text.clone())
+        })
+    }
+
+    /// Files that it names besides models.
+    fn files(&self) -> Vec<&str> {
+        let wif = self.spec.weave.iter().filter_map(|weave| match weave {
+            WeaveSpec::Wif { file } => Some(file.as_str()),
+            _ => None,
+        });
+        wif.chain(self.spec.curves.iter().map(|curves| curves.file.as_str())).collect()
+    }
+
+    /// Makes its curves.
+    ///
+    /// # Errors
+    /// [`Error::Interrupted`] when stopped, and those of [`make_cloth`].
+    pub fn curves(&self, run: &Run<'_>) -> Result<MadeCloth, Error> {
+        run.tell(Progress { stage: Stage::Cloth("curves"), done: 0, total: 1 });
+        let mut read = |named: &str| plywave::io::read_file(self.folder.join(named), MAX_BYTES);
+        let go_on = || run.check_stop().is_ok();
+        let made = make_cloth(&self.spec, &self.file, &mut read, &go_on);
+        made.map_err(|error| Error::of_simulation(error, &self.file))
+    }
+
+    /// Makes the cloth of its curves and the models of its plies; `has_far` is whether with the mean over the
+    /// cell.
+    ///
+    /// # Errors
+    /// [`Error::Interrupted`] when stopped, and those of [`ClothData::make`].
+    pub fn make(
+        &self,
+        curves: &MadeCloth,
+        models: &[Arc<PlyModel>],
+        has_far: bool,
+        run: &Run<'_>,
+    ) -> Result<ClothData, Error> {
+        let stopped = AtomicBool::new(false);
+        let told = |what: &'static str| {
+            run.tell(Progress { stage: Stage::Cloth(what), done: 0, total: 1 });
+            if run.check_stop().is_err() {
+                stopped.store(true, Ordering::Relaxed);
+                let what = "stopped".into();
+                return Err(plywave::Error::Format { file: self.file.clone(), what, hint: String::new() });
+            }
+            Ok(())
+        };
+        let data = ClothData::make(&self.spec_text, &self.spec.name, &curves.curves, models, has_far, told);
+        if stopped.into_inner() {
+            return Err(Error::Interrupted { left: 0, total: 0 });
+        }
+        run.check_stop()?;
+        Ok(data?)
+    }
+
+    /// Notes on the cloth of these curves, one a line.
+    pub fn notes(&self, curves: &MadeCloth) -> Vec<String> {
+        let mut notes = curves.notes.clone();
+        if matches!(self.spec.weave, Some(WeaveSpec::Wif { .. })) {
+            notes.push("colors of the WIF are not used; give srgb of warp and weft".into());
+        }
+        notes
+    }
+
+    /// The cloth: looked up by the contents of spec, models and files among those in [`cloth_cache`], or made
+    /// and kept there. One that is damaged is made again.
+    ///
+    /// # Errors
+    /// As [`ClothRecipe::models`], [`ClothRecipe::curves`] and [`ClothRecipe::make`]. A folder that cannot be
+    /// written is a note.
+    pub fn ready(&self, library: &ModelLibrary, run: &Run<'_>) -> Result<ReadyCloth, Error> {
+        let models = self.models(library)?;
+        let mut of = format!("{}\n{}\n", env!("CARGO_PKG_VERSION"), self.spec_text);
+        for model in &models {
+            of += &digest_of_bytes(&model.data().to_bytes()?);
+        }
+        for named in self.files() {
+            of += &digest_of_file(&self.folder.join(named))?;
+        }
+        let digest = digest_of_bytes(of.as_bytes());
+        let kept = cloth_cache().map(|folder| folder.join(format!("{}.pwc", &digest[..24])));
+        if let Some(path) = kept.as_ref().filter(|path| path.exists())
+            && let Ok(data) = ClothData::load(path)
+        {
+            return Ok(ReadyCloth { data, digest, notes: Vec::new() });
+        }
+        let curves = self.curves(run)?;
+        let data = self.make(&curves, &models, true, run)?;
+        let mut notes = self.notes(&curves);
+        notes.push(match kept {
+            None => "the cloth is not kept: there is no cache folder; PLYWAVE_CACHE names one".into(),
+            Some(path) => match keep(&data, &path) {
+                Ok(()) => format!("the cloth was made and is kept in {}", path.display()),
+                Err(e) => format!("the cloth was made and could not be kept: {e}"),
+            },
+        });
+        Ok(ReadyCloth { data, digest, notes })
+    }
+}
+
+fn keep(data: &ClothData, path: &Path) -> plywave::Result<()> {
+    if let Some(folder) = path.parent() {
+        let io = |source| plywave::Error::Io { file: folder.display().to_string(), source };
+        std::fs::create_dir_all(folder).map_err(io)?;
+    }
+    data.save(path)
+}
+
+fn is_toml(path: &Path) -> bool {
+    path.extension().is_some_and(|e| e == "toml")
+}
+
+/// Folder in which cloths are kept: that of the variable PLYWAVE_CACHE, or `plywave` in the user's cache
+/// folder. `None` where there is neither.
+pub fn cloth_cache() -> Option<PathBuf> {
+    let of = |name: &str| std::env::var_os(name).filter(|v| !v.is_empty()).map(PathBuf::from);
+    of("PLYWAVE_CACHE").or_else(|| {
+        let user = of("XDG_CACHE_HOME").or_else(|| of("LOCALAPPDATA")).or_else(|| Some(of("HOME")?.join(".cache")))?;
+        Some(user.join("plywave"))
+    })
+}
+
+/// Largest file of which a digest is taken [bytes].
+const MAX_INPUT: u64 = 1 << 32;
+
+/// SHA-256 of a file's bytes, in hex.
+///
+/// # Errors
+/// [`plywave::Error::Io`].
+pub fn digest_of_file(path: &Path) -> plywave::Result<String> {
+    let mut file = plywave::io::open_file(path, MAX_INPUT)?;
+    let mut hash = Sha256::new();
+    let mut buffer = vec![0; 1 << 16];
+    loop {
+        match file.read(&mut buffer) {
+            Ok(0) => return Ok(hex(&hash.finalize())),
+            Ok(n) => hash.update(&buffer[..n]),
+            Err(source) => return Err(plywave::Error::Io { file: path.display().to_string(), source }),
+        }
+    }
+}
+
+/// SHA-256 of bytes, in hex.
+pub fn digest_of_bytes(bytes: &[u8]) -> String {
+    hex(&Sha256::digest(bytes))
+}
+
+fn hex(bytes: &[u8]) -> String {
+    bytes.iter().map(|b| format!("{b:02x}")).collect()
+}
