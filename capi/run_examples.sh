@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
-# Installs the library into a scratch folder, compiles the C11 and the C++17 example with the system's compilers, static and shared, with and without the address and undefined
-# behavior sanitizers, runs them, and compares the C example with the Rust library digit by digit. CC, CXX choose other compilers.
+# Installs the library into a scratch folder, compiles the C11 and the C++17 examples with the system's compilers, static and shared, with and without the address and undefined
+# behavior sanitizers, runs them, and compares the C example of a ply with the Rust library digit by digit. The program makes the cloth that the example of cloths loads. CC, CXX
+# choose other compilers.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 cc=${CC:-cc} cxx=${CXX:-c++}
@@ -20,6 +21,9 @@ shared=("-L$lib" -lplywave "-Wl,-rpath,$lib")
 read -ra scope <<<"${PLYWAVE_CARGO_SCOPE:--p plywave-capi}"
 cargo build --locked --release --quiet "${scope[@]}" --example reference
 "${CARGO_TARGET_DIR:-target}/release/examples/reference" >"$scratch/expected.txt"
+read -ra program <<<"${PLYWAVE_CARGO_SCOPE:--p plywave-cli}"
+cargo build --locked --release --quiet "${program[@]}" --bin plywave
+"${CARGO_TARGET_DIR:-target}/release/plywave" weave fabrics/cloths/jersey.toml -q -o "$scratch/jersey.pwc"
 for sanitize in "" "-fsanitize=address,undefined -fno-sanitize-recover=all -g"; do
     for kind in static shared; do
         declare -n link=$kind
@@ -31,6 +35,9 @@ for sanitize in "" "-fsanitize=address,undefined -fno-sanitize-recover=all -g"; 
         "$scratch/ply" >"$scratch/got.txt"
         diff "$scratch/expected.txt" "$scratch/got.txt"
         "$scratch/fabric"
+        # shellcheck disable=SC2086
+        "$cc" -std=c11 -O1 "${warnings[@]}" $sanitize -I"$include" capi/examples/cloth.c "${link[@]}" -lm -o "$scratch/cloth"
+        "$scratch/cloth" "$scratch/jersey.pwc" fabrics/models/polyester.pwm
     done
 done
 echo "C and C++ examples: as the Rust library"

@@ -1,4 +1,4 @@
-// plywave for C11 and C++17: ply, fabric and fiber models for renderers. Made by capi/header.sh of capi/src; do not edit.
+// plywave for C11 and C++17: ply, fabric, cloth and fiber models for renderers. Made by capi/header.sh of capi/src; do not edit.
 //
 // Link with -lplywave (pkg-config: plywave). docs/howto/host_c.md of the project has an example and the link lines.
 //
@@ -78,7 +78,7 @@ enum PlywaveKind
  {
     // A ply.
     PLYWAVE_KIND_PLY = 1,
-    // A fabric.
+    // A fabric or a cloth.
     PLYWAVE_KIND_FABRIC = 2,
     // A fiber.
     PLYWAVE_KIND_FIBER = 3,
@@ -177,6 +177,9 @@ typedef int32_t PlywaveYarnColorKind;
 #endif // __STDC_VERSION__ >= 202311L
 #endif // __cplusplus
 
+// A loaded cloth: woven, knitted or of curves. It is immutable: any number of threads may use it at once.
+typedef struct PlywaveCloth PlywaveCloth;
+
 // A loaded fabric. It is immutable: any number of threads may use it at once.
 typedef struct PlywaveFabric PlywaveFabric;
 
@@ -191,8 +194,8 @@ typedef struct PlywaveSlit PlywaveSlit;
 
 // A model at a query. The caller provides the memory, usually on the stack; the library writes and reads its
 // content. It owns nothing and needs no release; it may be copied, moved, and read by many threads. It is
-// valid as long as the handles that it was prepared from: the model or fabric, and the slit and models of
-// its query.
+// valid as long as the handles that it was prepared from: the model, fabric or cloth, and the slit and models
+// of its query.
 typedef struct PlywaveBsdf {
     // Identifies the prepared type.
     uint64_t tag;
@@ -240,9 +243,10 @@ typedef struct PlywaveBsdfInfo {
     PlywaveKind kind;
     // Number of wavelengths or channels: 1, 3 or 4.
     int32_t count;
-    // Whether a second layer of yarn lies below the point; 0 or 1.
+    // Whether a second layer of yarn lies below the point; for a cloth, whether the line hits both kinds of
+    // yarns; 0 or 1.
     int32_t is_double;
-    // For a fabric: whether the point lies in a gap, where the line hits no ply; 0 or 1.
+    // For a fabric or a cloth: whether the point lies in a gap, where the line hits no ply; 0 or 1.
     int32_t is_gap;
     // For a ply: the fraction of the beam that hits no fiber; else 0.
     float r_d;
@@ -288,6 +292,101 @@ typedef struct PlywavePlyReport {
     // Whether everything passed; 0 or 1.
     int32_t passed;
 } PlywavePlyReport;
+
+// Options of a cloth's shading. Zeroed memory, or NULL in its place, is the whole model without speckle, in
+// the colors of the file. Light through gaps goes straight on, as a delta.
+typedef struct PlywaveClothOptions {
+    // Not 0: light that passes beside a ply goes straight on. 0: it is diffracted at its edge.
+    int32_t no_edges;
+    // Not 0: adds speckle in models that have noise.
+    int32_t noise;
+    // Not 0: plies block no light that others send down. For comparison.
+    int32_t no_layers;
+    // Not 0: plies block no light that others send up. For comparison.
+    int32_t no_shadowing;
+    // Not 0: footprints count as points. 0: the mean over the cell, if the file has it, serves queries with a
+    // footprint.
+    int32_t no_far;
+    // Not 0: `sigma_per_um` overrides all colors.
+    int32_t has_sigma;
+    // One absorption [1/um] at every wavelength for all yarns; 0 for a white furnace.
+    float sigma_per_um;
+} PlywaveClothOptions;
+
+// Description of a cloth.
+typedef struct PlywaveClothInfo {
+    // Two vectors of the plane after which the cloth repeats [um].
+    double cell_um[2][2];
+    // Greatest distance of any fiber from the middle plane [um].
+    float half_thickness_um;
+    // Kinds of yarns: 2, warp and weft, of a woven cloth, else 1.
+    int32_t kinds;
+    // Quantity that its colors refer to.
+    PlywaveColorOf color_of;
+    // Whether queries with a footprint get the mean over the cell; 0 or 1.
+    int32_t has_far;
+    // Memory use, without its models.
+    uint64_t memory_bytes;
+} PlywaveClothInfo;
+
+// Color of the yarns of a kind, such as warp or weft. Zeroed memory means clear fibers.
+typedef struct PlywaveYarnColor {
+    // A `PlywaveYarnColorKind`.
+    int32_t kind;
+    // The color for `PLYWAVE_YARN_COLOR_KIND_SRGB`, gamma encoded, 0 to 1.
+    float srgb[3];
+    // The absorption for `PLYWAVE_YARN_COLOR_KIND_SIGMA` [1/um], 0 or more.
+    float sigma_per_um;
+} PlywaveYarnColor;
+
+// A target color and the color that the cloth reaches.
+typedef struct PlywaveColorReach {
+    // Target color [sRGB, 0 to 1].
+    float asked[3];
+    // Color of the cloth [sRGB; outside 0 to 1 if out of gamut].
+    double comes_out[3];
+    // CIEDE2000 between the two; about 1 is just visible.
+    double delta_e;
+    // Number of the 81 wavelengths at which the target was brighter than clear fibers, and darker than black
+    // ones.
+    uint32_t clamped[2];
+} PlywaveColorReach;
+
+// A query at a shading point of a fabric or a cloth. Start from zeroed memory: 0 and NULL mean the default;
+// `count` and `wo` are required.
+//
+// The surface's frame: x along the weft (along u), y along the warp (along v), z the normal of the face; of a
+// knit x along the courses, y along the wales. Where it says warp and weft, a cloth has its first and second
+// kind of yarn; of a cloth with one kind of yarn, what is said of the weft is not read.
+typedef struct PlywaveFabricQuery {
+    // Point in the plane of the cloth [um], each coordinate within 1e10 of 0: uv times the size of a unit
+    // of uv. Beyond 1e7, 10 m, consecutive f32 values are 1 um apart and more.
+    float position_um[2];
+    // Direction towards the viewer, unit.
+    float wo[3];
+    // Number of wavelengths or channels: 1, 3 or 4.
+    int32_t count;
+    // Wavelengths [um]. All 0 with a count of 3: 0.612, 0.549 and 0.464, those of red, green and blue. RGB
+    // channels need them too, for diffraction and speckle.
+    float lambda_um[PLYWAVE_MAX_COUNT];
+    // A `PlywaveChannels`.
+    int32_t channels;
+    // Angle by which the pattern is turned about the normal at the point [rad], within 1e6 of 0, from x
+    // towards y. The position lies in the turned pattern's plane, in the surface's axes.
+    float turn_rad;
+    // `[count]` absorptions [1/um] of the warp at the point, for textures and prints, or NULL for its
+    // own. Read during the call only.
+    const float *sigma_warp_per_um;
+    // The same for the weft.
+    const float *sigma_weft_per_um;
+    // Models that override those of the warp and the weft, from `plywave_ply_of_lines`, of the same ply
+    // radius and number of plies, or NULL. They must outlive the query prepared with them.
+    const struct PlywavePly *models[2];
+    // Diameter of the area of cloth that the point represents [um], such as a pixel's footprint: beyond one
+    // repeat the mean over the repeat is used, if the handle has it: see `far` and `no_far` of the options. 0
+    // for a point; never negative.
+    float footprint_um;
+} PlywaveFabricQuery;
 
 // Options of a fabric's shading. Zeroed memory, or NULL in its place, is the whole model without speckle, in
 // the colors of the spec.
@@ -347,62 +446,6 @@ typedef struct PlywaveFabricInfo {
     // Memory use, without its models.
     uint64_t memory_bytes;
 } PlywaveFabricInfo;
-
-// Color of the yarns of warp or weft. Zeroed memory means clear fibers.
-typedef struct PlywaveYarnColor {
-    // A `PlywaveYarnColorKind`.
-    int32_t kind;
-    // The color for `PLYWAVE_YARN_COLOR_KIND_SRGB`, gamma encoded, 0 to 1.
-    float srgb[3];
-    // The absorption for `PLYWAVE_YARN_COLOR_KIND_SIGMA` [1/um], 0 or more.
-    float sigma_per_um;
-} PlywaveYarnColor;
-
-// A target color and the color that the cloth reaches.
-typedef struct PlywaveColorReach {
-    // Target color [sRGB, 0 to 1].
-    float asked[3];
-    // Color of the cloth [sRGB; outside 0 to 1 if out of gamut].
-    double comes_out[3];
-    // CIEDE2000 between the two; about 1 is just visible.
-    double delta_e;
-    // Number of the 81 wavelengths at which the target was brighter than clear fibers, and darker than black
-    // ones.
-    uint32_t clamped[2];
-} PlywaveColorReach;
-
-// A query at a shading point of a fabric. Start from zeroed memory: 0 and NULL mean the default; `count` and
-// `wo` are required.
-//
-// The surface's frame: x along the weft (along u), y along the warp (along v), z the normal of the face.
-typedef struct PlywaveFabricQuery {
-    // Point in the plane of the fabric [um], each coordinate within 1e10 of 0: uv times the size of a unit
-    // of uv. Beyond 1e7, 10 m, consecutive f32 values are 1 um apart and more.
-    float position_um[2];
-    // Direction towards the viewer, unit.
-    float wo[3];
-    // Number of wavelengths or channels: 1, 3 or 4.
-    int32_t count;
-    // Wavelengths [um]. All 0 with a count of 3: 0.612, 0.549 and 0.464, those of red, green and blue. RGB
-    // channels need them too, for diffraction and speckle.
-    float lambda_um[PLYWAVE_MAX_COUNT];
-    // A `PlywaveChannels`.
-    int32_t channels;
-    // Angle by which the pattern is turned about the normal at the point [rad], within 1e6 of 0, from x
-    // towards y. The position lies in the turned pattern's plane, in the surface's axes.
-    float turn_rad;
-    // `[count]` absorptions [1/um] of the warp at the point, for textures and prints, or NULL for the
-    // fabric's own. Read during the call only.
-    const float *sigma_warp_per_um;
-    // The same for the weft.
-    const float *sigma_weft_per_um;
-    // Models that override those of the warp and the weft, from `plywave_ply_of_lines`, of the same ply
-    // radius and number of plies, or NULL. They must outlive the query prepared with them.
-    const struct PlywavePly *models[2];
-    // Diameter of the area of cloth that the point represents [um], such as a pixel's footprint: beyond one
-    // repeat the mean over the repeat is used. 0 for a point; never negative. See `far` of the options.
-    float footprint_um;
-} PlywaveFabricQuery;
 
 // A query at a shading point of a fiber. Start from zeroed memory; `count` and `omega_i` are required.
 //
@@ -598,6 +641,100 @@ PlywaveStatus plywave_bsdf_check(const struct PlywaveBsdf *bsdf,
                                  uint64_t seed,
                                  struct PlywaveReport *found,
                                  struct PlywaveError *error);
+
+// Reads a cloth file (.pwc), which `plywave weave` makes of a cloth spec, in some 10 ms. `path` is UTF-8;
+// `options` may be NULL. On an error `*out` is NULL. Release it with `plywave_cloth_free`.
+PlywaveStatus plywave_cloth_load(const char *path,
+                                 const struct PlywaveClothOptions *options,
+                                 struct PlywaveCloth **out,
+                                 struct PlywaveError *error);
+
+// Like `plywave_cloth_load`, but from the bytes of a file; `name` identifies it in messages.
+PlywaveStatus plywave_cloth_from_memory(const uint8_t *bytes,
+                                        size_t size,
+                                        const char *name,
+                                        const struct PlywaveClothOptions *options,
+                                        struct PlywaveCloth **out,
+                                        struct PlywaveError *error);
+
+// Releases a cloth; NULL is allowed. No prepared query and no call may use it afterwards.
+void plywave_cloth_free(struct PlywaveCloth *cloth);
+
+// Describes a cloth.
+PlywaveStatus plywave_cloth_info(const struct PlywaveCloth *cloth,
+                                 struct PlywaveClothInfo *info,
+                                 struct PlywaveError *error);
+
+// Name of a cloth, as its spec has it. The buffer works as in `plywave_ply_spec`.
+PlywaveStatus plywave_cloth_name(const struct PlywaveCloth *cloth,
+                                 char *buffer,
+                                 size_t size,
+                                 size_t *length,
+                                 struct PlywaveError *error);
+
+// Notes on a cloth, one per line: effects that the options ask for and that the file does not have. The
+// buffer works as in `plywave_ply_spec`.
+PlywaveStatus plywave_cloth_notes(const struct PlywaveCloth *cloth,
+                                  char *buffer,
+                                  size_t size,
+                                  size_t *length,
+                                  struct PlywaveError *error);
+
+// The same cloth in other colors, as a new handle, without tracing again: `colors` `[n]`, one for each kind
+// of yarn. `color_of` is a `PlywaveColorOf`; if it differs from the cloth's, the call takes seconds.
+PlywaveStatus plywave_cloth_with_colors(const struct PlywaveCloth *cloth,
+                                        const struct PlywaveYarnColor *colors,
+                                        size_t n,
+                                        int32_t color_of,
+                                        struct PlywaveCloth **out,
+                                        struct PlywaveError *error);
+
+// The distinct colors of the cloth, each as target and result: the first `capacity` to `colors`, the total
+// number to `*count`.
+PlywaveStatus plywave_cloth_colors(const struct PlywaveCloth *cloth,
+                                   struct PlywaveColorReach *colors,
+                                   size_t capacity,
+                                   size_t *count,
+                                   struct PlywaveError *error);
+
+// Absorptions [1/um] with which the cloth has `n` given reflectances; as
+// `plywave_fabric_sigma_of_reflectance`.
+PlywaveStatus plywave_cloth_sigma_of_reflectance(const struct PlywaveCloth *cloth,
+                                                 size_t n,
+                                                 const float *reflectance,
+                                                 float *sigma_per_um,
+                                                 struct PlywaveError *error);
+
+// Prepares the cloth at a query for any number of directions. On an error `bsdf` is not prepared, whatever it
+// held before.
+PlywaveStatus plywave_cloth_at(const struct PlywaveCloth *cloth,
+                               const struct PlywaveFabricQuery *query,
+                               struct PlywaveBsdf *bsdf,
+                               struct PlywaveError *error);
+
+// f and pdf of `n` queries, one direction each; as `plywave_fabric_eval_batch`.
+PlywaveStatus plywave_cloth_eval_batch(const struct PlywaveCloth *cloth,
+                                       size_t n,
+                                       const struct PlywaveFabricQuery *queries,
+                                       const float *w,
+                                       float *f,
+                                       float *pdf,
+                                       struct PlywaveError *error);
+
+// Samples `n` queries once each; as `plywave_fabric_sample_batch`.
+PlywaveStatus plywave_cloth_sample_batch(const struct PlywaveCloth *cloth,
+                                         size_t n,
+                                         const struct PlywaveFabricQuery *queries,
+                                         const float *u,
+                                         struct PlywaveSample *samples,
+                                         struct PlywaveError *error);
+
+// The ply model of a kind of yarn, 0 or 1, as its own handle, for its info, spec and check. Release it with
+// `plywave_ply_free`.
+PlywaveStatus plywave_cloth_model(const struct PlywaveCloth *cloth,
+                                  int32_t kind,
+                                  struct PlywavePly **out,
+                                  struct PlywaveError *error);
 
 // Reads a fabric spec (TOML) and the models that it names, which lie in its folder or below. `path` is
 // UTF-8; `options` may be NULL. It takes a second or two, to trace inter-yarn scattering. On an error `*out`

@@ -1,5 +1,5 @@
 //! A prepared query: a model at one query, in the caller's memory, evaluated in any number of directions. One
-//! set of functions serves plies, fabrics and fibers.
+//! set of functions serves plies, fabrics, cloths and fibers.
 
 use crate::pointer::{
     disjoint, is_uniform, is_unit, pointer, put, slice, slice_mut, span, three, to_direction, to_random, uniform, unit,
@@ -17,8 +17,8 @@ pub const PLYWAVE_BSDF_WORDS: usize = 848;
 
 /// A model at a query. The caller provides the memory, usually on the stack; the library writes and reads its
 /// content. It owns nothing and needs no release; it may be copied, moved, and read by many threads. It is
-/// valid as long as the handles that it was prepared from: the model or fabric, and the slit and models of
-/// its query.
+/// valid as long as the handles that it was prepared from: the model, fabric or cloth, and the slit and models
+/// of its query.
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct PlywaveBsdf {
@@ -74,7 +74,7 @@ pub struct PlywaveOutcomes {
 pub enum PlywaveKind {
     /// A ply.
     Ply = 1,
-    /// A fabric.
+    /// A fabric or a cloth.
     Fabric = 2,
     /// A fiber.
     Fiber = 3,
@@ -88,9 +88,10 @@ pub struct PlywaveBsdfInfo {
     pub kind: PlywaveKind,
     /// Number of wavelengths or channels: 1, 3 or 4.
     pub count: i32,
-    /// Whether a second layer of yarn lies below the point; 0 or 1.
+    /// Whether a second layer of yarn lies below the point; for a cloth, whether the line hits both kinds of
+    /// yarns; 0 or 1.
     pub is_double: i32,
-    /// For a fabric: whether the point lies in a gap, where the line hits no ply; 0 or 1.
+    /// For a fabric or a cloth: whether the point lies in a gap, where the line hits no ply; 0 or 1.
     pub is_gap: i32,
     /// For a ply: the fraction of the beam that hits no fiber; else 0.
     pub r_d: f32,
@@ -178,7 +179,7 @@ pub(crate) unsafe fn as_prepared<'a, T: Prepared>(bsdf: *const PlywaveBsdf) -> &
 pub(crate) fn not_prepared() -> Box<crate::status::Failure> {
     failure(
         PlywaveStatus::NotPrepared,
-        "bsdf was not prepared: call plywave_ply_at, plywave_fabric_at or plywave_fiber_at first, and look at its status",
+        "bsdf was not prepared: call plywave_ply_at, plywave_fabric_at, plywave_cloth_at or plywave_fiber_at first, and look at its status",
     )
 }
 

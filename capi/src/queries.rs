@@ -1,4 +1,4 @@
-//! Many queries, one direction each, and handles: code that the three kinds of models share.
+//! Many queries, one direction each, and handles: code that all kinds of models share.
 
 use crate::bsdf::{PlywaveSample, outputs, put_sample};
 use crate::pointer::{disjoint, put, slice, slice_mut, span, uniform, unit};

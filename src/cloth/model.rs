@@ -208,6 +208,7 @@ impl ClothModel {
 
     #[inline]
     fn sigma<const N: usize>(&self, query: &FabricQuery<'_, N>, kind: usize) -> [f32; N] {
+        let kind = kind.min(self.plies.kinds - 1);
         query.sigma_per_um[kind].unwrap_or_else(|| self.dyes[kind].at(query.lambda_um, query.channels))
     }
 

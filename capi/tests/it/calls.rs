@@ -1,9 +1,10 @@
 //! The C interface gives the bits of the Rust library: plies, fabrics and fibers at 1, 3 and 4 wavelengths,
 //! single calls and batches, on one thread and on four.
-//! What it refuses is in `errors.rs`.
+//! Cloths are in `cloth.rs`, what it refuses is in `errors.rs`.
 
 #![allow(clippy::undocumented_unsafe_blocks)] // Of all blocks: live pointers of the lengths that the calls ask for, but where it is said.
 
+use plywave::cloth::ClothSurface;
 use plywave::fabric::{Channels, ColorOf, FabricOptions, GapLight, Slits, YarnColor};
 use plywave::fiber::{FiberSource, FiberTable, FilamentSpec, OutlineSymmetry, TabulatedFiber};
 use plywave::ply::Queries;
@@ -16,13 +17,13 @@ use std::ffi::{CString, c_char};
 use std::mem::MaybeUninit;
 use std::ptr::{null, null_mut};
 
-const FABRICS: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../fabrics");
+pub(crate) const FABRICS: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../fabrics");
 
-fn c(text: &str) -> CString {
+pub(crate) fn c(text: &str) -> CString {
     CString::new(text).expect("no 0 inside")
 }
 
-fn zeroed<T>() -> T {
+pub(crate) fn zeroed<T>() -> T {
     // SAFETY: only for the C structs of numbers and pointers, of which all zeros are a value.
     unsafe { MaybeUninit::zeroed().assume_init() }
 }
@@ -32,7 +33,7 @@ fn message(error: &PlywaveError) -> String {
 }
 
 /// A call that must succeed; its error is told.
-fn ok(call: impl FnOnce(*mut PlywaveError) -> PlywaveStatus) {
+pub(crate) fn ok(call: impl FnOnce(*mut PlywaveError) -> PlywaveStatus) {
     let mut error = zeroed();
     assert_eq!(call(&mut error), PlywaveStatus::Ok, "{}", message(&error));
 }
@@ -105,7 +106,7 @@ fn same<const N: usize>(bsdf: &PlywaveBsdf, at: &impl Bsdf<N>, rng: &mut Pcg64Mc
 }
 
 /// A handle, released when it goes out of scope.
-struct Handle<T>(*mut T, unsafe extern "C" fn(*mut T));
+pub(crate) struct Handle<T>(pub(crate) *mut T, pub(crate) unsafe extern "C" fn(*mut T));
 
 // SAFETY: the library's handles are shared between threads; this is what is tested.
 unsafe impl<T> Sync for Handle<T> {}
@@ -117,7 +118,7 @@ impl<T> Drop for Handle<T> {
     }
 }
 
-fn load_ply(name: &str) -> Handle<PlywavePly> {
+pub(crate) fn load_ply(name: &str) -> Handle<PlywavePly> {
     let mut ply = null_mut();
     let path = c(&format!("{FABRICS}/models/{name}.pwm"));
     // SAFETY: live pointers.
@@ -126,7 +127,7 @@ fn load_ply(name: &str) -> Handle<PlywavePly> {
 }
 
 /// All options of a ply query, at N wavelengths.
-fn plies<const N: usize>(ply: &Handle<PlywavePly>, model: &PlyModel, rng: &mut Pcg64Mcg) {
+pub(crate) fn plies<const N: usize>(ply: &Handle<PlywavePly>, model: &PlyModel, rng: &mut Pcg64Mcg) {
     let beam = plywave::spec::YarnSpec::parse(&model.data().spec_text, "spec").expect("a model that ships").beam.beam();
     let slit = plywave::gap::Slit::new(2.0, 0.25, &beam).expect("a valid slit");
     let mut c_slit = null_mut();
@@ -288,16 +289,51 @@ fn organza() -> Organza {
     Organza { rust, c: Handle(fabric, plywave_fabric_free), model: Handle(lines, plywave_ply_free), rust_model }
 }
 
+/// A function of a handle and queries.
+type At<H> =
+    unsafe extern "C" fn(*const H, *const PlywaveFabricQuery, *mut PlywaveBsdf, *mut PlywaveError) -> PlywaveStatus;
+type EvalBatch<H> = unsafe extern "C" fn(
+    *const H,
+    usize,
+    *const PlywaveFabricQuery,
+    *const f32,
+    *mut f32,
+    *mut f32,
+    *mut PlywaveError,
+) -> PlywaveStatus;
+type SampleBatch<H> = unsafe extern "C" fn(
+    *const H,
+    usize,
+    *const PlywaveFabricQuery,
+    *const f32,
+    *mut PlywaveSample,
+    *mut PlywaveError,
+) -> PlywaveStatus;
+
+/// A fabric or a cloth in Rust and in C.
+pub(crate) struct Surface<'a, S, H> {
+    pub(crate) rust: &'a S,
+    pub(crate) c: &'a Handle<H>,
+    /// In place of the weft's.
+    pub(crate) model: (&'a PlyModel, &'a Handle<PlywavePly>),
+    /// Where queries are.
+    pub(crate) size_um: [f32; 2],
+    /// Footprint of a part of them.
+    pub(crate) footprint_um: f32,
+    pub(crate) calls: (At<H>, EvalBatch<H>, SampleBatch<H>),
+}
+
 /// Queries of all options at N wavelengths; `channels` that fit. Gives what became of the samples.
-fn fabrics<const N: usize>(of: &Organza, rng: &mut Pcg64Mcg) -> Vec<i32> {
+pub(crate) fn surface<S: ClothSurface, H, const N: usize>(of: &Surface<'_, S, H>, rng: &mut Pcg64Mcg) -> Vec<i32> {
     let n = 48;
-    let [width, height] = of.rust.fabric().repeat_um().map(|r| 50.0 * r as f32);
+    let (at, eval_batch, sample_batch) = of.calls;
     let (w, u): (Vec<[f32; 3]>, Vec<[f32; 3]>) = (0..n).map(|_| (direction(rng), rng.random::<[f32; 3]>())).unzip();
     let sigmas: Vec<[f32; N]> = (0..2 * n).map(|_| std::array::from_fn(|_| 0.02 * rng.random::<f32>())).collect();
     let (mut queries, mut answers, mut samples) = (Vec::new(), Vec::new(), Vec::new());
     for i in 0..n {
-        let position_um = [width * (rng.random::<f32>() - 0.5), height * (rng.random::<f32>() - 0.5)];
+        let position_um = of.size_um.map(|size| size * (rng.random::<f32>() - 0.5));
         let (wo, turn_rad) = (direction(rng), if i % 3 == 0 { 6.0 * rng.random::<f32>() } else { 0.0 });
+        let footprint_um = if i % 5 == 0 { of.footprint_um } else { 0.0 };
         let lambda: [f32; N] = std::array::from_fn(|_| 0.4 + 0.3 * rng.random::<f32>());
         let channels = if N == 3 { i % 3 } else { 0 };
         let [warp, weft, other] = [1, 2, 4].map(|bit| i & bit != 0);
@@ -305,7 +341,8 @@ fn fabrics<const N: usize>(of: &Organza, rng: &mut Pcg64Mcg) -> Vec<i32> {
             channels: [Channels::Wavelengths, Channels::LinearSrgb, Channels::LinearRec2020][channels],
             sigma_per_um: [warp.then_some(sigmas[i]), weft.then_some(sigmas[n + i])],
             turn_rad,
-            models: [None, other.then_some(&of.rust_model)],
+            models: [None, other.then_some(of.model.0)],
+            footprint_um,
             ..FabricQuery::new(position_um, wo, lambda)
         };
         let c_query = PlywaveFabricQuery {
@@ -317,12 +354,12 @@ fn fabrics<const N: usize>(of: &Organza, rng: &mut Pcg64Mcg) -> Vec<i32> {
             turn_rad,
             sigma_warp_per_um: if warp { sigmas[i].as_ptr() } else { null() },
             sigma_weft_per_um: if weft { sigmas[n + i].as_ptr() } else { null() },
-            models: [null(), if other { of.model.0 } else { null() }],
-            footprint_um: 0.0,
+            models: [null(), if other { of.model.1.0 } else { null() }],
+            footprint_um,
         };
         let mut bsdf: PlywaveBsdf = zeroed();
-        ok(|e| unsafe { plywave_fabric_at(of.c.0, &c_query, &mut bsdf, e) });
-        let at = of.rust.at(&query);
+        ok(|e| unsafe { at(of.c.0, &c_query, &mut bsdf, e) });
+        let at = of.rust.surface_at(&query);
         same(&bsdf, &at, rng);
         answers.push(at.eval_pdf(w[i]));
         samples.push(sample_of(at.sample(u[i])));
@@ -330,29 +367,43 @@ fn fabrics<const N: usize>(of: &Organza, rng: &mut Pcg64Mcg) -> Vec<i32> {
     }
     let (mut f, mut pdf) = (vec![[f32::NAN; N]; n], vec![f32::NAN; n]);
     let (w_at, f_at, pdf_at) = (w.as_ptr().cast(), f.as_mut_ptr().cast(), pdf.as_mut_ptr());
-    ok(|e| unsafe { plywave_fabric_eval_batch(of.c.0, n, queries.as_ptr(), w_at, f_at, pdf_at, e) });
+    ok(|e| unsafe { eval_batch(of.c.0, n, queries.as_ptr(), w_at, f_at, pdf_at, e) });
     assert_eq!(f.iter().copied().zip(pdf).collect::<Vec<_>>(), answers);
     let mut got: Vec<PlywaveSample> = vec![zeroed(); n];
-    ok(|e| unsafe { plywave_fabric_sample_batch(of.c.0, n, queries.as_ptr(), u.as_ptr().cast(), got.as_mut_ptr(), e) });
+    ok(|e| unsafe { sample_batch(of.c.0, n, queries.as_ptr(), u.as_ptr().cast(), got.as_mut_ptr(), e) });
     assert_eq!(got, samples);
     got.iter().map(|s| s.outcome).collect()
+}
+
+/// At 1, 3 and 4 wavelengths, then one handle on four threads. Gives what became of the samples.
+pub(crate) fn surfaces<S: ClothSurface, H>(of: &Surface<'_, S, H>, rng: &mut Pcg64Mcg) -> Vec<i32> {
+    let mut outcomes = surface::<_, _, 1>(of, rng);
+    outcomes.extend(surface::<_, _, 3>(of, rng));
+    outcomes.extend(surface::<_, _, 4>(of, rng));
+    let asked = |seed: u64| drop(surface::<_, _, 3>(of, &mut Pcg64Mcg::seed_from_u64(seed)));
+    std::thread::scope(|scope| (0..4).for_each(|seed| drop(scope.spawn(move || asked(seed)))));
+    outcomes
+}
+
+impl Organza {
+    fn surface(&self) -> Surface<'_, FabricModel, PlywaveFabric> {
+        Surface {
+            rust: &self.rust,
+            c: &self.c,
+            model: (&self.rust_model, &self.model),
+            size_um: self.rust.fabric().repeat_um().map(|r| 50.0 * r as f32),
+            footprint_um: 0.0,
+            calls: (plywave_fabric_at, plywave_fabric_eval_batch, plywave_fabric_sample_batch),
+        }
+    }
 }
 
 #[test]
 fn fabrics_give_the_bits_of_rust_on_any_number_of_threads() {
     let of = organza();
     let mut rng = Pcg64Mcg::seed_from_u64(2);
-    let mut outcomes = fabrics::<1>(&of, &mut rng);
-    outcomes.extend(fabrics::<3>(&of, &mut rng));
-    outcomes.extend(fabrics::<4>(&of, &mut rng));
+    let outcomes = surfaces(&of.surface(), &mut rng);
     assert!(outcomes.contains(&1) && outcomes.contains(&2), "light is scattered and goes straight: {outcomes:?}");
-
-    // One handle, four threads.
-    let asked = |seed: u64| {
-        let mut rng = Pcg64Mcg::seed_from_u64(seed);
-        fabrics::<3>(&of, &mut rng);
-    };
-    std::thread::scope(|scope| (0..4).for_each(|seed| drop(scope.spawn(move || asked(seed)))));
 
     let mut info = MaybeUninit::<PlywaveFabricInfo>::uninit();
     ok(|e| unsafe { plywave_fabric_info(of.c.0, info.as_mut_ptr(), e) });
@@ -387,7 +438,7 @@ fn fabrics_give_the_bits_of_rust_on_any_number_of_threads() {
     let other = Handle(other, plywave_fabric_free);
     let rust = of.rust.with_colors([YarnColor::Srgb([0.2, 0.3, 0.6]), YarnColor::Sigma(0.003)], ColorOf::EvenSky);
     let of = Organza { rust, c: other, ..of };
-    fabrics::<3>(&of, &mut rng);
+    surface::<_, _, 3>(&of.surface(), &mut rng);
 
     // The model of a yarn, as a handle of its own.
     let mut ply = null_mut();

@@ -21,7 +21,11 @@ fn message(error: &PlywaveError) -> String {
 }
 
 /// A call that must be refused with this status and words in its message; the error comes back.
-fn refused(status: PlywaveStatus, words: &str, call: impl Fn(*mut PlywaveError) -> PlywaveStatus) -> PlywaveError {
+pub(crate) fn refused(
+    status: PlywaveStatus,
+    words: &str,
+    call: impl Fn(*mut PlywaveError) -> PlywaveStatus,
+) -> PlywaveError {
     let mut error = zeroed();
     assert_eq!(call(&mut error), status, "{}", message(&error));
     assert_eq!(error.status, status as i32);

@@ -2,7 +2,7 @@
 
 use plywave::bsdf::{Bsdf, BsdfSample};
 use plywave::cloth::{ClothData, ClothModel, ClothSpec};
-use plywave::fabric::FabricOptions;
+use plywave::fabric::{ColorOf, FabricOptions, YarnColor};
 use plywave::{FabricQuery, PlyModel};
 use plywave_sim::cloth::make_cloth;
 use std::f32::consts::TAU;
@@ -221,4 +221,37 @@ fn foreign_models_are_refused() {
     assert!(message.contains("1 models") && message.lines().count() == 1, "{message}");
     let message = make(&[cotton[0].clone(), cotton[0].clone()]);
     assert!(message.contains("ply.radius_um") && message.contains("29.2") && message.lines().count() == 1, "{message}");
+}
+
+/// Other colors are those of a file with them; absorptions invert the brightness; what is not there is told.
+#[test]
+fn colors_are_changed_without_tracing() {
+    let cloth = ClothModel::from_data(JERSEY.clone(), &FabricOptions::default()).unwrap();
+    let srgb = [0.2f32, 0.5, 0.3];
+    let mut green = JERSEY.clone();
+    green.spec_text = green.spec_text.replace("srgb = [0.75, 0.75, 0.72]", "srgb = [0.2, 0.5, 0.3]");
+    let green = ClothModel::from_data(green, &FabricOptions::default()).unwrap();
+    let same = cloth.with_colors([YarnColor::Srgb(srgb), YarnColor::Undyed], ColorOf::EvenSky);
+    for k in 0..50 {
+        let at = FabricQuery::rgb(place(k), any(k));
+        assert_eq!(same.at(&at).eval(any(k + 7)), green.at(&at).eval(any(k + 7)));
+    }
+    let reach = same.colors();
+    assert_eq!((reach.len(), reach[0].asked, same.color_of()), (1, srgb, ColorOf::EvenSky));
+    assert!(reach[0].delta_e < 1.0, "{reach:?}");
+    for r in [0.2f32, 0.5, 0.8] {
+        let [sigma] = cloth.sigma_of_reflectance([r]);
+        assert!((cloth.color_curve().albedo(f64::from(sigma)) - f64::from(r)).abs() < 1e-3, "{r}: {sigma}");
+    }
+    // Light meets more fibers in a pile than in a sheet: the same color takes less absorption.
+    let folded = cloth.with_colors([YarnColor::Srgb(srgb); 2], ColorOf::Folded);
+    assert_eq!(folded.color_of(), ColorOf::Folded);
+    assert!(folded.sigma_of_reflectance([0.5])[0] < 0.8 * cloth.sigma_of_reflectance([0.5])[0]);
+    let back = folded.with_colors([YarnColor::Srgb(srgb); 2], ColorOf::EvenSky);
+    assert_eq!(back.sigma_of_reflectance([0.5]), cloth.sigma_of_reflectance([0.5]));
+
+    assert_eq!((cloth.kinds(), cloth.model_of(1).is_some(), cloth.has_far()), (1, false, false));
+    let far = FabricOptions { far: true, ..FabricOptions::default() };
+    assert!(ClothModel::from_data(JERSEY.clone(), &far).unwrap().has_far() && JERSEY.notes(&far).is_empty());
+    assert!(ORGANZA.notes(&far)[0].contains("footprints count as points"));
 }

@@ -1,0 +1,342 @@
+//! Cloths of curves, from their files.
+
+use crate::bsdf::{PlywaveBsdf, PlywaveSample, unprepare};
+use crate::ply::PlywavePly;
+use crate::pointer::{optional, put, put_text, reference, slice, text};
+use crate::queries::{hand_out, take_back};
+use crate::status::{AtIndex, Checked, PlywaveError, PlywaveStatus, guard, invalid};
+use crate::surface::{
+    self, PlywaveColorOf, PlywaveColorReach, PlywaveFabricQuery, PlywaveYarnColor, SurfaceHandle, absorption, at,
+    eval_batch, put_colors, put_sigma, sample_batch, yarn_color,
+};
+use plywave::cloth::{ClothData, ClothModel};
+use plywave::fabric::{ColorReach, FabricOptions, GapLight};
+use std::ffi::c_char;
+
+/// A loaded cloth: woven, knitted or of curves. It is immutable: any number of threads may use it at once.
+pub struct PlywaveCloth {
+    cloth: ClothModel,
+    name: String,
+    notes: String,
+}
+
+const _: () = {
+    const fn is_send_sync<T: Send + Sync>() {}
+    is_send_sync::<PlywaveCloth>();
+};
+
+impl SurfaceHandle for PlywaveCloth {
+    type Surface = ClothModel;
+    const ARGUMENT: &'static str = "cloth";
+
+    fn surface(&self) -> &ClothModel {
+        &self.cloth
+    }
+
+    fn colors(&self) -> Vec<ColorReach> {
+        self.cloth.colors()
+    }
+
+    fn sigma_of_reflectance(&self, reflectance: f32) -> f32 {
+        self.cloth.sigma_of_reflectance([reflectance])[0]
+    }
+}
+
+/// Options of a cloth's shading. Zeroed memory, or NULL in its place, is the whole model without speckle, in
+/// the colors of the file. Light through gaps goes straight on, as a delta.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PlywaveClothOptions {
+    /// Not 0: light that passes beside a ply goes straight on. 0: it is diffracted at its edge.
+    pub no_edges: i32,
+    /// Not 0: adds speckle in models that have noise.
+    pub noise: i32,
+    /// Not 0: plies block no light that others send down. For comparison.
+    pub no_layers: i32,
+    /// Not 0: plies block no light that others send up. For comparison.
+    pub no_shadowing: i32,
+    /// Not 0: footprints count as points. 0: the mean over the cell, if the file has it, serves queries with a
+    /// footprint.
+    pub no_far: i32,
+    /// Not 0: `sigma_per_um` overrides all colors.
+    pub has_sigma: i32,
+    /// One absorption [1/um] at every wavelength for all yarns; 0 for a white furnace.
+    pub sigma_per_um: f32,
+}
+
+/// Description of a cloth.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PlywaveClothInfo {
+    /// Two vectors of the plane after which the cloth repeats [um].
+    pub cell_um: [[f64; 2]; 2],
+    /// Greatest distance of any fiber from the middle plane [um].
+    pub half_thickness_um: f32,
+    /// Kinds of yarns: 2, warp and weft, of a woven cloth, else 1.
+    pub kinds: i32,
+    /// Quantity that its colors refer to.
+    pub color_of: PlywaveColorOf,
+    /// Whether queries with a footprint get the mean over the cell; 0 or 1.
+    pub has_far: i32,
+    /// Memory use, without its models.
+    pub memory_bytes: u64,
+}
+
+fn options_of(of: Option<&PlywaveClothOptions>) -> Checked<FabricOptions> {
+    let usual = FabricOptions { gaps: GapLight::Straight, far: true, ..FabricOptions::default() };
+    let Some(o) = of else { return Ok(usual) };
+    Ok(FabricOptions {
+        sigma_per_um: (o.has_sigma != 0).then(|| absorption(o.sigma_per_um)).transpose()?,
+        noise: o.noise != 0,
+        layers: o.no_layers == 0,
+        shadowing: o.no_shadowing == 0,
+        edges: o.no_edges == 0,
+        far: o.no_far == 0,
+        ..usual
+    })
+}
+
+fn handle_of(data: ClothData, options: Option<&PlywaveClothOptions>) -> Checked<PlywaveCloth> {
+    let options = options_of(options)?;
+    let (name, notes) = (data.name.clone(), data.notes(&options).join("\n"));
+    Ok(PlywaveCloth { cloth: ClothModel::from_data(data, &options)?, name, notes })
+}
+
+/// Reads a cloth file (.pwc), which `plywave weave` makes of a cloth spec, in some 10 ms. `path` is UTF-8;
+/// `options` may be NULL. On an error `*out` is NULL. Release it with `plywave_cloth_free`.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn plywave_cloth_load(
+    path: *const c_char,
+    options: *const PlywaveClothOptions,
+    out: *mut *mut PlywaveCloth,
+    error: *mut PlywaveError,
+) -> PlywaveStatus {
+    guard(error, || {
+        // SAFETY: the caller's pointers, as documented.
+        unsafe {
+            put(out, std::ptr::null_mut(), "out")?;
+            let options = optional(options, "options")?;
+            hand_out(out, handle_of(ClothData::load(text(path, "path")?)?, options)?)
+        }
+    })
+}
+
+/// Like `plywave_cloth_load`, but from the bytes of a file; `name` identifies it in messages.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn plywave_cloth_from_memory(
+    bytes: *const u8,
+    size: usize,
+    name: *const c_char,
+    options: *const PlywaveClothOptions,
+    out: *mut *mut PlywaveCloth,
+    error: *mut PlywaveError,
+) -> PlywaveStatus {
+    guard(error, || {
+        // SAFETY: the caller's pointers, as documented.
+        unsafe {
+            put(out, std::ptr::null_mut(), "out")?;
+            let options = optional(options, "options")?;
+            let data = ClothData::from_bytes(slice(bytes, size, "bytes")?, text(name, "name")?)?;
+            hand_out(out, handle_of(data, options)?)
+        }
+    })
+}
+
+/// Releases a cloth; NULL is allowed. No prepared query and no call may use it afterwards.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn plywave_cloth_free(cloth: *mut PlywaveCloth) {
+    guard(std::ptr::null_mut(), || {
+        // SAFETY: the caller's handle, released once.
+        unsafe { take_back(cloth) };
+        Ok(())
+    });
+}
+
+/// Describes a cloth.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn plywave_cloth_info(
+    cloth: *const PlywaveCloth,
+    info: *mut PlywaveClothInfo,
+    error: *mut PlywaveError,
+) -> PlywaveStatus {
+    guard(error, || {
+        // SAFETY: the caller's pointers, as documented.
+        let c = unsafe { &reference(cloth, "cloth")?.cloth };
+        let value = PlywaveClothInfo {
+            cell_um: c.cell_um(),
+            half_thickness_um: c.lines().half_thickness_um(),
+            kinds: c.kinds() as i32,
+            color_of: c.color_of().into(),
+            has_far: i32::from(c.has_far()),
+            memory_bytes: c.memory_bytes() as u64,
+        };
+        // SAFETY: as above.
+        unsafe { put(info, value, "info") }
+    })
+}
+
+/// Name of a cloth, as its spec has it. The buffer works as in `plywave_ply_spec`.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn plywave_cloth_name(
+    cloth: *const PlywaveCloth,
+    buffer: *mut c_char,
+    size: usize,
+    length: *mut usize,
+    error: *mut PlywaveError,
+) -> PlywaveStatus {
+    guard(error, || {
+        // SAFETY: the caller's pointers, as documented.
+        unsafe { put_text(&reference(cloth, "cloth")?.name, buffer, size, length) }
+    })
+}
+
+/// Notes on a cloth, one per line: effects that the options ask for and that the file does not have. The
+/// buffer works as in `plywave_ply_spec`.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn plywave_cloth_notes(
+    cloth: *const PlywaveCloth,
+    buffer: *mut c_char,
+    size: usize,
+    length: *mut usize,
+    error: *mut PlywaveError,
+) -> PlywaveStatus {
+    guard(error, || {
+        // SAFETY: the caller's pointers, as documented.
+        unsafe { put_text(&reference(cloth, "cloth")?.notes, buffer, size, length) }
+    })
+}
+
+/// The same cloth in other colors, as a new handle, without tracing again: `colors` `[n]`, one for each kind
+/// of yarn. `color_of` is a `PlywaveColorOf`; if it differs from the cloth's, the call takes seconds.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn plywave_cloth_with_colors(
+    cloth: *const PlywaveCloth,
+    colors: *const PlywaveYarnColor,
+    n: usize,
+    color_of: i32,
+    out: *mut *mut PlywaveCloth,
+    error: *mut PlywaveError,
+) -> PlywaveStatus {
+    guard(error, || {
+        // SAFETY: the caller's pointers, as documented.
+        let (of, colors) = unsafe {
+            put(out, std::ptr::null_mut(), "out")?;
+            (reference(cloth, "cloth")?, slice(colors, n, "colors")?)
+        };
+        let colors = match (colors, of.cloth.kinds()) {
+            ([all], 1) => [yarn_color(all).at(0)?; 2],
+            ([warp, weft], 2) => [yarn_color(warp).at(0)?, yarn_color(weft).at(1)?],
+            (_, kinds) => return Err(invalid("n", n, &format!("{kinds}, one color for each kind of yarn"))),
+        };
+        let cloth = of.cloth.with_colors(colors, surface::color_of(color_of)?);
+        // SAFETY: as above.
+        unsafe { hand_out(out, PlywaveCloth { cloth, name: of.name.clone(), notes: of.notes.clone() }) }
+    })
+}
+
+/// The distinct colors of the cloth, each as target and result: the first `capacity` to `colors`, the total
+/// number to `*count`.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn plywave_cloth_colors(
+    cloth: *const PlywaveCloth,
+    colors: *mut PlywaveColorReach,
+    capacity: usize,
+    count: *mut usize,
+    error: *mut PlywaveError,
+) -> PlywaveStatus {
+    guard(error, || {
+        // SAFETY: the caller's pointers, as documented.
+        unsafe { put_colors(cloth, colors, capacity, count) }
+    })
+}
+
+/// Absorptions [1/um] with which the cloth has `n` given reflectances; as
+/// `plywave_fabric_sigma_of_reflectance`.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn plywave_cloth_sigma_of_reflectance(
+    cloth: *const PlywaveCloth,
+    n: usize,
+    reflectance: *const f32,
+    sigma_per_um: *mut f32,
+    error: *mut PlywaveError,
+) -> PlywaveStatus {
+    guard(error, || {
+        // SAFETY: the caller's pointers, as documented.
+        unsafe { put_sigma(cloth, n, reflectance, sigma_per_um) }
+    })
+}
+
+/// Prepares the cloth at a query for any number of directions. On an error `bsdf` is not prepared, whatever it
+/// held before.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn plywave_cloth_at(
+    cloth: *const PlywaveCloth,
+    query: *const PlywaveFabricQuery,
+    bsdf: *mut PlywaveBsdf,
+    error: *mut PlywaveError,
+) -> PlywaveStatus {
+    let status = guard(error, || {
+        // SAFETY: the caller's pointers, as documented.
+        unsafe { at(cloth, query, bsdf) }
+    });
+    if status != PlywaveStatus::Ok {
+        // SAFETY: as above.
+        unsafe { unprepare(bsdf) };
+    }
+    status
+}
+
+/// f and pdf of `n` queries, one direction each; as `plywave_fabric_eval_batch`.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn plywave_cloth_eval_batch(
+    cloth: *const PlywaveCloth,
+    n: usize,
+    queries: *const PlywaveFabricQuery,
+    w: *const f32,
+    f: *mut f32,
+    pdf: *mut f32,
+    error: *mut PlywaveError,
+) -> PlywaveStatus {
+    guard(error, || {
+        // SAFETY: the caller's pointers, as documented.
+        unsafe { eval_batch(cloth, n, queries, w, f, pdf) }
+    })
+}
+
+/// Samples `n` queries once each; as `plywave_fabric_sample_batch`.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn plywave_cloth_sample_batch(
+    cloth: *const PlywaveCloth,
+    n: usize,
+    queries: *const PlywaveFabricQuery,
+    u: *const f32,
+    samples: *mut PlywaveSample,
+    error: *mut PlywaveError,
+) -> PlywaveStatus {
+    guard(error, || {
+        // SAFETY: the caller's pointers, as documented.
+        unsafe { sample_batch(cloth, n, queries, u, samples) }
+    })
+}
+
+/// The ply model of a kind of yarn, 0 or 1, as its own handle, for its info, spec and check. Release it with
+/// `plywave_ply_free`.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn plywave_cloth_model(
+    cloth: *const PlywaveCloth,
+    kind: i32,
+    out: *mut *mut PlywavePly,
+    error: *mut PlywaveError,
+) -> PlywaveStatus {
+    guard(error, || {
+        // SAFETY: the caller's pointers, as documented.
+        let of = unsafe {
+            put(out, std::ptr::null_mut(), "out")?;
+            reference(cloth, "cloth")?
+        };
+        let model = usize::try_from(kind).ok().and_then(|kind| of.cloth.model_of(kind));
+        let model = model.ok_or_else(|| invalid("kind", kind, "a kind of yarn that the cloth has, from 0"))?;
+        // SAFETY: as above.
+        unsafe { hand_out(out, PlywavePly(model.clone())) }
+    })
+}
