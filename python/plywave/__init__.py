@@ -5,8 +5,8 @@
     model = plywave.load("fabrics/models/polyester.pwm")
     f = model.eval(theta_i=0.5, h_um=10.0, omega_o=np.array([0.0, 1.0, 0.0]), sigma_per_um=[0.001, 0.004, 0.010])
 
-Angles are in radians, lengths in um, absorption in 1/um, densities in 1/sr. `Model`, `Fabric` and `Fiber` have `eval`, `pdf`, `sample` and `albedo` on arrays that broadcast;
-`build` makes a model of a yarn spec. Bad input raises `Error` with one line. Docs: docs/reference/python_api.md of the repository.
+Angles are in radians, lengths in um, absorption in 1/um, densities in 1/sr. `Model`, `Cloth`, `Fabric` and `Fiber` have `eval`, `pdf`, `sample` and `albedo` on arrays that broadcast;
+`build` makes a model of a yarn spec, `weave` a cloth of a cloth spec. Bad input raises `Error` with one line. Docs: docs/reference/python_api.md of the repository.
 """
 
 from ._plywave import RGB_LAMBDA_UM, Error, __version__
@@ -15,9 +15,11 @@ from ._threads import get_threads, set_threads
 from ._files import Document, Speckle, Table, Twin
 from ._model import Model
 from ._fiber import Fiber
+from ._surface import Surface
 from ._fabric import Fabric
 from ._family import Family, build_family
 from ._load import load
+from ._cloth import Cloth, weave
 from ._work import CheckLine, CheckReport, build, check, fit, simulate
 from ._plot import plot
 from . import wave
@@ -29,6 +31,7 @@ __all__ = [
     "STRAIGHT",
     "CheckLine",
     "CheckReport",
+    "Cloth",
     "Document",
     "Error",
     "Fabric",
@@ -40,6 +43,7 @@ __all__ = [
     "Samples",
     "Slit",
     "Speckle",
+    "Surface",
     "Table",
     "Terms",
     "Twin",
@@ -54,4 +58,5 @@ __all__ = [
     "set_threads",
     "simulate",
     "wave",
+    "weave",
 ]

@@ -15,7 +15,7 @@ from ._plywave import Error
 PathLike = Union[str, "os.PathLike[str]"]
 Self = TypeVar("Self", bound="Document")
 
-_DTYPES = {"F64": "<f8", "F32": "<f4", "U64": "<u8", "U8": "|u1"}
+_DTYPES = {"F64": "<f8", "F32": "<f4", "F16": "<f2", "U64": "<u8", "U8": "|u1"}
 _NAMES = {np.dtype(v): k for k, v in _DTYPES.items()}
 
 
@@ -64,9 +64,9 @@ def _json(document: Mapping[str, Any], name: str) -> str:
 
 def _tensor(value: Any, key: str, name: str) -> np.ndarray:
     array = np.asarray(value)
-    if array.dtype.newbyteorder("=") in (np.dtype("f8"), np.dtype("f4"), np.dtype("u8"), np.dtype("u1")):
+    if array.dtype.newbyteorder("=") in (np.dtype("f8"), np.dtype("f4"), np.dtype("f2"), np.dtype("u8"), np.dtype("u1")):
         return np.ascontiguousarray(array, array.dtype.newbyteorder("<"))
-    raise Error(f"{name}: {key} = dtype {array.dtype}: give float64, float32, uint64 or uint8 as the file has it")
+    raise Error(f"{name}: {key} = dtype {array.dtype}: give float64, float32, float16, uint64 or uint8 as the file has it")
 
 
 class Document:
@@ -130,7 +130,7 @@ class Document:
         return known
 
     def tensors(self) -> Dict[str, np.ndarray]:
-        """Arrays by name, read-only, as docs/reference/format/models.md has them: shapes, units and meanings are there."""
+        """Arrays by name, read-only, as the pages of docs/reference/format have them: shapes, units and meanings are there."""
         return dict(self._unpacked()[0])
 
     @property
@@ -140,7 +140,7 @@ class Document:
 
     @property
     def spec_text(self) -> str:
-        """Text of the yarn spec or scene that it was made of."""
+        """Text of the yarn spec, cloth spec or scene that it was made of."""
         return str(self._unpacked()[1]["spec"])
 
     @property

@@ -7,6 +7,7 @@ import re
 from typing import Any, Union
 
 from . import _plywave
+from ._cloth import Cloth
 from ._fabric import Fabric
 from ._family import Family
 from ._fiber import Fiber
@@ -15,12 +16,12 @@ from ._model import Model
 from ._plywave import Error
 
 _NAME = re.compile(r"[\w-]+")
-_CLASSES: Any = {"table": Table, "model": Model, "fiber": Fiber, "speckle": Speckle, "twin": Twin, "family": Family}
+_CLASSES: Any = {"table": Table, "model": Model, "fiber": Fiber, "speckle": Speckle, "twin": Twin, "family": Family, "cloth": Cloth}
 
 
-def load(path: PathLike) -> "Union[Model, Fabric, Fiber, Table, Speckle, Twin, Family]":
+def load(path: PathLike) -> "Union[Model, Fabric, Cloth, Fiber, Table, Speckle, Twin, Family]":
     """Reads a file by what it holds: a model (.pwm), a fabric spec (.toml), a fiber (.pwf, or a spec .toml with `[filament]`), a table (.pwt), speckle patterns (.pws), the twin of a cloth (.pwx),
-    a family of plies (.pwfam). A name without folder and ending, where there is no such file, is that of a model that ships, or of a folder of the variable
+    a family of plies (.pwfam), a cloth (.pwc, or its spec .toml, whose cloth may have to be made: see `Cloth`). A name without folder and ending, where there is no such file, is that of a model that ships, or of a folder of the variable
     PLYWAVE_MODELS: ``load("polyester")``.
 
     Raises:
@@ -28,7 +29,10 @@ def load(path: PathLike) -> "Union[Model, Fabric, Fiber, Table, Speckle, Twin, F
     """
     name = os.fspath(path)
     if name.endswith(".toml"):
-        sections = _sections(name)
+        lines = _lines(name)
+        sections = {line for line in lines if line.startswith("[")}
+        if sections & {"[knit]", "[curves]"} or (sections & {"[warp]", "[weft]"} and any(line.startswith("count") for line in lines)):
+            return Cloth(name)
         if "[filament]" in sections:
             return Fiber(name)
         if "[[fiber]]" in sections:
@@ -38,16 +42,14 @@ def load(path: PathLike) -> "Union[Model, Fabric, Fiber, Table, Speckle, Twin, F
         return Fabric(name)
     if _NAME.fullmatch(name) and not os.path.exists(name):
         return Model(name)
-    kind = _plywave.file_kind(name)
-    if kind == "cloth":
-        raise Error(f"{name}: a cloth of curves (.pwc); `plywave render` takes it")
-    return _CLASSES[kind](name)  # type: ignore[no-any-return]
+    return _CLASSES[_plywave.file_kind(name)](name)  # type: ignore[no-any-return]
 
 
-def _sections(name: str) -> "set[str]":
+def _lines(name: str) -> "set[str]":
+    """Lines of a text without comments."""
     try:
         with open(name, encoding="utf-8", errors="replace") as file:
-            return {line.split("#")[0].strip() for line in file.read(1 << 20).splitlines() if line.lstrip().startswith("[")}
+            return {line.split("#")[0].strip() for line in file.read(1 << 20).splitlines()}
     except OSError:
         # The loader says why.
         return set()

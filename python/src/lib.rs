@@ -3,6 +3,7 @@
 
 mod batch;
 mod check;
+mod cloth;
 mod compare;
 mod errors;
 mod fabric;
@@ -11,6 +12,7 @@ mod fiber;
 mod files;
 mod model;
 mod shards;
+mod surface;
 mod tensors;
 mod watch;
 mod work;
@@ -26,6 +28,7 @@ fn _plywave(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("Error", module.py().get_type::<errors::Error>())?;
     module.add_class::<model::Model>()?;
     module.add_class::<fabric::Fabric>()?;
+    module.add_class::<cloth::Cloth>()?;
     module.add_class::<fiber::Fiber>()?;
     module.add_class::<family::Family>()?;
     module.add_function(wrap_pyfunction!(files::read_checked, module)?)?;

@@ -7,7 +7,9 @@ use plywave::io::Folder;
 use plywave::spec::YarnSpec;
 use plywave::speckle::SpecklePatterns;
 use plywave::table::Table;
-use plywave_pipeline::{FitQuality, Quality, Recipe, Speckle, build as build_recipe, check_fit, fit_model, yarn_table};
+use plywave_pipeline::{
+    ClothRecipe, FitQuality, Quality, Recipe, Speckle, build as build_recipe, check_fit, fit_model, yarn_table,
+};
 use plywave_sim::SimulateJob;
 use plywave_sim::wave::{ScatterJob, Scene, SingleFiber, SpeckleJob, SpeckleOptions, TabulateJob};
 use pyo3::prelude::*;
@@ -33,6 +35,13 @@ impl SpecArgs {
         Ok(match &self.path {
             Some(path) => YarnSpec::load(path)?,
             None => YarnSpec::load_from(&self.text, &self.name, &Folder::new(&self.folder).anywhere())?,
+        })
+    }
+
+    pub(crate) fn cloth(&self) -> Outcome<ClothRecipe> {
+        Ok(match &self.path {
+            Some(path) => ClothRecipe::load(path)?,
+            None => ClothRecipe::parse(&self.name, self.text.clone(), &self.folder)?,
         })
     }
 
