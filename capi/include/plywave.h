@@ -194,8 +194,8 @@ typedef struct PlywaveSlit PlywaveSlit;
 
 // A model at a query. The caller provides the memory, usually on the stack; the library writes and reads its
 // content. It owns nothing and needs no release; it may be copied, moved, and read by many threads. It is
-// valid as long as the handles that it was prepared from: the model, fabric or cloth, and the slit and models
-// of its query.
+// valid as long as the handles that it was prepared from: the model, fabric or cloth, and the slit and
+// models of its query.
 typedef struct PlywaveBsdf {
     // Identifies the prepared type.
     uint64_t tag;
@@ -304,8 +304,8 @@ typedef struct PlywaveClothOptions {
     int32_t no_layers;
     // Not 0: plies block no light that others send up. For comparison.
     int32_t no_shadowing;
-    // Not 0: footprints count as points. 0: the mean over the cell, if the file has it, serves queries with a
-    // footprint.
+    // Not 0: footprints count as points. 0: the mean over the cell, if the file has it, serves queries with
+    // a footprint.
     int32_t no_far;
     // Not 0: `sigma_per_um` overrides all colors.
     int32_t has_sigma;
@@ -355,9 +355,9 @@ typedef struct PlywaveColorReach {
 // A query at a shading point of a fabric or a cloth. Start from zeroed memory: 0 and NULL mean the default;
 // `count` and `wo` are required.
 //
-// The surface's frame: x along the weft (along u), y along the warp (along v), z the normal of the face; of a
-// knit x along the courses, y along the wales. Where it says warp and weft, a cloth has its first and second
-// kind of yarn; of a cloth with one kind of yarn, what is said of the weft is not read.
+// The surface's frame: x along the weft (along u), y along the warp (along v), z the normal of the face; of
+// a knit x along the courses, y along the wales. Warp and weft are the first and the second kind of yarn of
+// a cloth; of a cloth with one kind, the weft's have no effect.
 typedef struct PlywaveFabricQuery {
     // Point in the plane of the cloth [um], each coordinate within 1e10 of 0: uv times the size of a unit
     // of uv. Beyond 1e7, 10 m, consecutive f32 values are 1 um apart and more.
@@ -383,8 +383,8 @@ typedef struct PlywaveFabricQuery {
     // radius and number of plies, or NULL. They must outlive the query prepared with them.
     const struct PlywavePly *models[2];
     // Diameter of the area of cloth that the point represents [um], such as a pixel's footprint: beyond one
-    // repeat the mean over the repeat is used, if the handle has it: see `far` and `no_far` of the options. 0
-    // for a point; never negative.
+    // repeat the mean over the repeat is used, if the handle has it: see `far` and `no_far` of the options.
+    // 0 for a point; never negative.
     float footprint_um;
 } PlywaveFabricQuery;
 
@@ -705,8 +705,8 @@ PlywaveStatus plywave_cloth_sigma_of_reflectance(const struct PlywaveCloth *clot
                                                  float *sigma_per_um,
                                                  struct PlywaveError *error);
 
-// Prepares the cloth at a query for any number of directions. On an error `bsdf` is not prepared, whatever it
-// held before.
+// Prepares the cloth at a query for any number of directions. On an error `bsdf` is not prepared, whatever
+// it held before.
 PlywaveStatus plywave_cloth_at(const struct PlywaveCloth *cloth,
                                const struct PlywaveFabricQuery *query,
                                struct PlywaveBsdf *bsdf,

@@ -17,8 +17,8 @@ pub const PLYWAVE_BSDF_WORDS: usize = 848;
 
 /// A model at a query. The caller provides the memory, usually on the stack; the library writes and reads its
 /// content. It owns nothing and needs no release; it may be copied, moved, and read by many threads. It is
-/// valid as long as the handles that it was prepared from: the model, fabric or cloth, and the slit and models
-/// of its query.
+/// valid as long as the handles that it was prepared from: the model, fabric or cloth, and the slit and
+/// models of its query.
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct PlywaveBsdf {

@@ -55,8 +55,8 @@ pub struct PlywaveClothOptions {
     pub no_layers: i32,
     /// Not 0: plies block no light that others send up. For comparison.
     pub no_shadowing: i32,
-    /// Not 0: footprints count as points. 0: the mean over the cell, if the file has it, serves queries with a
-    /// footprint.
+    /// Not 0: footprints count as points. 0: the mean over the cell, if the file has it, serves queries with
+    /// a footprint.
     pub no_far: i32,
     /// Not 0: `sigma_per_um` overrides all colors.
     pub has_sigma: i32,
@@ -266,8 +266,8 @@ pub unsafe extern "C" fn plywave_cloth_sigma_of_reflectance(
     })
 }
 
-/// Prepares the cloth at a query for any number of directions. On an error `bsdf` is not prepared, whatever it
-/// held before.
+/// Prepares the cloth at a query for any number of directions. On an error `bsdf` is not prepared, whatever
+/// it held before.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn plywave_cloth_at(
     cloth: *const PlywaveCloth,

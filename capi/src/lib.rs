@@ -1,5 +1,5 @@
-//! plywave for C and C++: models, fabrics, cloths and fibers as opaque handles, queries prepared in the caller's
-//! memory, single calls and batches for 1, 3 or 4 wavelengths.
+//! plywave for C and C++: models, fabrics, cloths and fibers as opaque handles, queries prepared in the
+//! caller's memory, single calls and batches for 1, 3 or 4 wavelengths.
 //!
 //! cbindgen makes the header `include/plywave.h` from this crate (`capi/header.sh`); docs/howto/host_c.md is
 //! the user guide.

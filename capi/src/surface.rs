@@ -63,9 +63,9 @@ pub struct PlywaveYarnColor {
 /// A query at a shading point of a fabric or a cloth. Start from zeroed memory: 0 and NULL mean the default;
 /// `count` and `wo` are required.
 ///
-/// The surface's frame: x along the weft (along u), y along the warp (along v), z the normal of the face; of a
-/// knit x along the courses, y along the wales. Warp and weft are the first and the second kind of yarn of a
-/// cloth; of a cloth with one kind, the weft's have no effect.
+/// The surface's frame: x along the weft (along u), y along the warp (along v), z the normal of the face; of
+/// a knit x along the courses, y along the wales. Warp and weft are the first and the second kind of yarn of
+/// a cloth; of a cloth with one kind, the weft's have no effect.
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]
 pub struct PlywaveFabricQuery {
@@ -93,8 +93,8 @@ pub struct PlywaveFabricQuery {
     /// radius and number of plies, or NULL. They must outlive the query prepared with them.
     pub models: [*const PlywavePly; 2],
     /// Diameter of the area of cloth that the point represents [um], such as a pixel's footprint: beyond one
-    /// repeat the mean over the repeat is used, if the handle has it: see `far` and `no_far` of the options. 0
-    /// for a point; never negative.
+    /// repeat the mean over the repeat is used, if the handle has it: see `far` and `no_far` of the options.
+    /// 0 for a point; never negative.
     pub footprint_um: f32,
 }
 

@@ -138,7 +138,7 @@ impl ClothRecipe {
     /// # Errors
     /// [`Error::Interrupted`] when stopped, and those of [`make_cloth`].
     pub fn curves(&self, run: &Run<'_>) -> Result<MadeCloth, Error> {
-        run.tell(Progress { stage: Stage::Cloth("curves"), done: 0, total: 1 });
+        run.tell(Progress { stage: Stage::Curves, done: 0, total: 1 });
         let mut read = |named: &str| plywave::io::read_file(self.folder.join(named), MAX_BYTES);
         let go_on = || run.check_stop().is_ok();
         let made = make_cloth(&self.spec, &self.file, &mut read, &go_on);

@@ -19,7 +19,9 @@ pub enum Stage {
     FitErrors,
     /// Fibers whose speckle is solved.
     Speckle,
-    /// A step of making a cloth, by its name: 0 of 1 is done.
+    /// Yarns of a cloth that come to rest: 0 of 1 is done.
+    Curves,
+    /// A further step of making a cloth, by its name: 0 of 1 is done.
     Cloth(&'static str),
 }
 
@@ -33,6 +35,7 @@ impl Stage {
             Stage::FitReflection => "fit refl",
             Stage::FitErrors => "errors",
             Stage::Speckle => "speckle",
+            Stage::Curves => "curves",
             Stage::Cloth(step) => step,
         }
     }
@@ -44,7 +47,7 @@ impl Stage {
             Stage::Yarn => "incidences",
             Stage::FitHigh | Stage::FitReflection | Stage::FitErrors => "slices",
             Stage::Speckle => "fibers",
-            Stage::Cloth(_) => "steps",
+            Stage::Curves | Stage::Cloth(_) => "steps",
         }
     }
 

@@ -108,8 +108,8 @@ impl ClothModel {
         })
     }
 
-    /// The same cloth with other colors of its kinds of yarns, which are colors of `of`; of a single kind, the
-    /// first. Nothing is traced; where `of` was not the cloth's, it takes seconds.
+    /// The same cloth with other colors of its kinds of yarns, which are colors of `of`; of a single kind,
+    /// the first. Nothing is traced; where `of` was not the cloth's, it takes seconds.
     #[must_use]
     pub fn with_colors(&self, colors: [YarnColor; 2], of: ColorOf) -> ClothModel {
         let mut other = self.clone();
@@ -146,8 +146,8 @@ impl ClothModel {
         self.plies.models.get(kind).map(Arc::as_ref)
     }
 
-    /// Whether queries with a footprint get the mean over the cell: it is in the file, and the options ask for
-    /// it.
+    /// Whether queries with a footprint get the mean over the cell: it is in the file, and the options ask
+    /// for it.
     pub fn has_far(&self) -> bool {
         self.far.is_some()
     }

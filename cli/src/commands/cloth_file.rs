@@ -8,7 +8,7 @@ use crate::{output, progress, report};
 use plywave::PlyModel;
 use plywave::cloth::{ClothData, ClothModel};
 use plywave::fabric::FabricOptions;
-use plywave_pipeline::{ClothRecipe, Progress, ReadyCloth, Run, digest_of_file};
+use plywave_pipeline::{ClothRecipe, Progress, ReadyCloth, Run, Stage, digest_of_file};
 use plywave_sim::cloth::MadeCloth;
 use std::path::Path;
 use std::sync::Arc;
@@ -24,7 +24,7 @@ fn told<T: Send>(cli: &Cli, work: impl FnOnce(&Run<'_>) -> Result<T, plywave_pip
     progress::install_stop();
     let begun = Instant::now();
     let tell = |Progress { stage, .. }: Progress| {
-        if !cli.quiet {
+        if !cli.quiet && stage != Stage::Curves {
             eprintln!("cloth: {}, {:.1} s", stage.name(), begun.elapsed().as_secs_f64());
         }
     };
