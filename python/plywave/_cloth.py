@@ -40,6 +40,7 @@ class Cloth(Surface, Document):
     """
 
     _kind, _words = "cloth", "cloth"
+    _rust: "_plywave.Cloth"
 
     def __init__(
         self,
@@ -130,17 +131,17 @@ class Cloth(Surface, Document):
     @property
     def cell_um(self) -> "Tuple[Tuple[float, float], Tuple[float, float]]":
         """Two vectors of the plane after which it repeats [um]."""
-        return self._rust.cell_um  # type: ignore[no-any-return]
+        return self._rust.cell_um
 
     @property
     def half_thickness_um(self) -> float:
         """Greatest distance of any fiber from its middle plane [um]."""
-        return float(self._rust.half_thickness_um)
+        return self._rust.half_thickness_um
 
     @property
     def has_far(self) -> bool:
         """Whether queries with a footprint get the mean over the cell."""
-        return bool(self._rust.has_far)
+        return self._rust.has_far
 
     def model_of(self, yarn: Optional[str] = None) -> Model:
         """The ply model of a kind of yarn, one of `yarns`; by default of the first."""

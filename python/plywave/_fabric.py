@@ -17,6 +17,8 @@ from ._surface import Surface
 class Fabric(Surface):
     """A woven fabric of a fabric spec, as a surface ready for shading. Queries are those of `Surface`."""
 
+    _rust: "_plywave.Fabric"
+
     def __init__(
         self,
         spec: Spec,

@@ -32,19 +32,19 @@ def cache_of_its_own(cache, monkeypatch):
     monkeypatch.setenv("PLYWAVE_CACHE", str(cache))
 
 
+def made(kept_in, *args, **options):
+    """A cloth of a spec, for longer than a test, whose cache is that folder."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("PLYWAVE_CACHE", str(kept_in))
+        return plywave.Cloth(*args, **options)
+
+
 @pytest.fixture(scope="session")
 def jersey(cache):
-    before = os.environ.get("PLYWAVE_CACHE")
-    os.environ["PLYWAVE_CACHE"] = str(cache)
-    try:
-        steps = []
-        made = plywave.Cloth(JERSEY, progress=lambda stage, unit, done, total: steps.append(stage))
-    finally:
-        os.environ.pop("PLYWAVE_CACHE")
-        if before is not None:
-            os.environ["PLYWAVE_CACHE"] = before
+    steps = []
+    cloth = made(cache, JERSEY, progress=lambda stage, unit, done, total: steps.append(stage))
     assert "mean over the cell" in steps, steps
-    return made
+    return cloth
 
 
 @pytest.fixture(scope="session")
@@ -55,8 +55,13 @@ def pwc(jersey, tmp_path_factory):
 
 
 @pytest.fixture(scope="session")
-def voile():
-    return plywave.weave(VOILE, folder=FABRICS / "cloths")
+def voile(tmp_path_factory):
+    # No folder can be made in place of a file.
+    cache = tmp_path_factory.mktemp("none") / "file"
+    cache.write_bytes(b"")
+    cloth = made(cache, VOILE, folder=FABRICS / "cloths")
+    assert "could not be kept" in cloth.notes[0], cloth.notes
+    return cloth
 
 
 def queries(n, seed=1):
@@ -83,14 +88,12 @@ def test_weaving_gives_the_same_file(jersey, cache):
     assert made.to_bytes() == jersey.to_bytes() and made.notes == [] and list(cache.iterdir()) == kept
 
 
-def test_a_damaged_cloth_is_made_again(jersey, tmp_path, monkeypatch):
-    monkeypatch.setenv("PLYWAVE_CACHE", str(tmp_path / "new" / "folder"))
-    made = plywave.Cloth(JERSEY)
-    (kept,) = (tmp_path / "new" / "folder").iterdir()
-    kept.write_bytes(b"nothing")
-    assert "was made" in plywave.Cloth(JERSEY).notes[0] and kept.read_bytes() == made.to_bytes() == jersey.to_bytes()
-    monkeypatch.setenv("PLYWAVE_CACHE", str(kept))
-    assert "could not be kept" in plywave.Cloth(JERSEY).notes[0]
+def test_a_damaged_cloth_is_made_again(jersey, cache, tmp_path, monkeypatch):
+    (kept,) = cache.iterdir()
+    damaged = tmp_path / kept.name
+    damaged.write_bytes(kept.read_bytes()[:-1])
+    monkeypatch.setenv("PLYWAVE_CACHE", str(tmp_path))
+    assert "was made" in plywave.Cloth(JERSEY).notes[0] and damaged.read_bytes() == jersey.to_bytes()
 
 
 def test_files_give_the_cloth(jersey, pwc):
