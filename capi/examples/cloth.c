@@ -22,9 +22,9 @@ static void check(PlywaveStatus status, const PlywaveError *error) {
     exit(1);
 }
 
-// A call that must be refused, with one line.
-static void refused(const char *what, PlywaveStatus status, const PlywaveCloth *cloth, const PlywaveError *error) {
-    if (status == PLYWAVE_STATUS_OK || cloth != NULL || strchr(error->message, '\n') != NULL) {
+// What a call that must be refused has left: a status, no cloth, one line.
+static void refused(const char *what, PlywaveStatus status, PlywaveCloth *const *cloth, const PlywaveError *error) {
+    if (status == PLYWAVE_STATUS_OK || *cloth != NULL || strchr(error->message, '\n') != NULL) {
         fprintf(stderr, "%s: not refused in one line\n", what);
         exit(1);
     }
@@ -115,12 +115,12 @@ int main(int argc, char **argv) {
     size_t size = 0;
     uint8_t *bytes = read_file(argv[1], &size);
     if (bytes == NULL || size < 400) return 1;
-    refused("another file", plywave_cloth_load(argv[2], NULL, &cloth, &error), cloth, &error);
-    refused("truncated", plywave_cloth_from_memory(bytes, size / 2, "half", NULL, &cloth, &error), cloth, &error);
+    refused("another file", plywave_cloth_load(argv[2], NULL, &cloth, &error), &cloth, &error);
+    refused("truncated", plywave_cloth_from_memory(bytes, size / 2, "half", NULL, &cloth, &error), &cloth, &error);
     const char *version = "version\\\":1";
     for (size_t i = 0; i + 11 < 400; ++i)
         if (memcmp(bytes + i, version, strlen(version)) == 0) bytes[i + strlen(version) - 1] = '9';
-    refused("another version", plywave_cloth_from_memory(bytes, size, "newer", NULL, &cloth, &error), cloth, &error);
+    refused("another version", plywave_cloth_from_memory(bytes, size, "newer", NULL, &cloth, &error), &cloth, &error);
     free(bytes);
     return 0;
 }

@@ -681,7 +681,8 @@ PlywaveStatus plywave_cloth_notes(const struct PlywaveCloth *cloth,
                                   struct PlywaveError *error);
 
 // The same cloth in other colors, as a new handle, without tracing again: `colors` `[n]`, one for each kind
-// of yarn. `color_of` is a `PlywaveColorOf`; if it differs from the cloth's, the call takes seconds.
+// of yarn. `color_of` is a `PlywaveColorOf`; if it differs from the cloth's, the call takes tenths of a
+// second.
 PlywaveStatus plywave_cloth_with_colors(const struct PlywaveCloth *cloth,
                                         const struct PlywaveYarnColor *colors,
                                         size_t n,

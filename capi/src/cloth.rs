@@ -207,7 +207,8 @@ pub unsafe extern "C" fn plywave_cloth_notes(
 }
 
 /// The same cloth in other colors, as a new handle, without tracing again: `colors` `[n]`, one for each kind
-/// of yarn. `color_of` is a `PlywaveColorOf`; if it differs from the cloth's, the call takes seconds.
+/// of yarn. `color_of` is a `PlywaveColorOf`; if it differs from the cloth's, the call takes tenths of a
+/// second.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn plywave_cloth_with_colors(
     cloth: *const PlywaveCloth,

@@ -270,3 +270,37 @@ pub fn digest_of_bytes(bytes: &[u8]) -> String {
 fn hex(bytes: &[u8]) -> String {
     bytes.iter().map(|b| format!("{b:02x}")).collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const VOILE: &str = "name = \"voile\"\n[weave]\nkind = \"plain\"\n\
+        [warp]\ncount = { dtex = 12 }\ndensity_g_per_cm3 = 1.38\nends_per_cm = 150\n\
+        [weft]\ncount = { dtex = 12 }\ndensity_g_per_cm3 = 1.38\npicks_per_cm = 150\n";
+
+    /// Models that are not there are told by the key that names them.
+    #[test]
+    fn models_are_named_by_kind_of_yarn() {
+        let folder = tempfile::tempdir().unwrap();
+        let recipe = |model: &str| {
+            let text = VOILE.replace("ends_per_cm", &format!("{model}ends_per_cm"));
+            ClothRecipe::parse("voile.toml", text, folder.path()).unwrap()
+        };
+        let library = crate::model_library();
+        let refused = |recipe: &ClothRecipe| recipe.models(&library).unwrap_err().to_string();
+        assert_eq!(refused(&recipe("")), "voile.toml: warp.model = (absent): name the model of its plies");
+        assert!(refused(&recipe("model = \"polyester\"\n")).contains("weft.model = (absent)"));
+        std::fs::write(folder.path().join("ply.toml"), plywave::spec::POLYESTER).unwrap();
+        assert!(refused(&recipe("model = \"ply.toml\"\n")).contains("build its model first: `plywave build"));
+        assert_eq!([0, 1].map(|kind| recipe("").kind_name(kind)), ["warp", "weft"]);
+    }
+
+    #[test]
+    fn curves_are_stopped() {
+        let recipe = ClothRecipe::parse("voile.toml", VOILE, "").unwrap();
+        let stop = AtomicBool::new(true);
+        let stopped = recipe.curves(&Run { stop: Some(&stop), ..Run::plain() });
+        assert!(matches!(stopped, Err(Error::Interrupted { .. })), "{stopped:?}");
+    }
+}

@@ -50,7 +50,7 @@ class Surface:
         Args:
             warp: Color of the warp, or of the only kind of yarn: three numbers of sRGB from 0 to 1, an absorption [1/um], or `None` for clear fibers.
             weft: Color of the weft.
-            color_of: Light that the colors describe: "even_sky", "reflected" or "folded"; by default that of this one. Another one takes up to some seconds.
+            color_of: Light that the colors describe: "even_sky", "reflected" or "folded"; by default that of this one. Another one takes tenths of a second.
         """
         if weft is not None and len(self.yarns) == 1:
             raise Error(f"weft: {self._name} has one kind of yarn; give its color first")

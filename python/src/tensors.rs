@@ -10,7 +10,7 @@ use plywave::io::Folder;
 use plywave::spec::YarnSpec;
 use plywave::speckle::{Instance, NoiseTiles};
 use plywave::{Bsdf, FabricModel, FabricQuery, PlyModel, PlyQuery};
-use plywave_pipeline::model_library;
+use plywave_pipeline::{ClothRecipe, Error, ReadyCloth, Run, model_library};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict, PyList};
@@ -36,8 +36,8 @@ fn columns(name: &str, a: &PyReadonlyArray2<'_, f32>, n: usize, count: usize) ->
 /// f `[n, 3]`, the density of samples `[n]` and the energy that goes straight on `[n]`.
 type Light<'py> = (Bound<'py, PyAny>, Bound<'py, PyAny>, Bound<'py, PyAny>);
 
-/// Of positions [n, 2], `wo` and `wi` [n, 3]: what the library answers, at three wavelengths [um] or in linear
-/// sRGB.
+/// Of positions [n, 2], `wo` and `wi` [n, 3]: what the library answers, at three wavelengths [um] or in
+/// linear sRGB.
 fn light<'py>(
     py: Python<'py>,
     cloth: &impl ClothSurface,
@@ -69,8 +69,8 @@ fn light<'py>(
     Ok((f.into_pyarray(py).into_any(), pdf.into_pyarray(py).into_any(), straight.into_pyarray(py).into_any()))
 }
 
-/// Tables by name; `models`, the files of the ply models; `noise`, the noise tiles of each model, none without
-/// speckle.
+/// Tables by name; `models`, the files of the ply models; `noise`, the noise tiles of each model, none
+/// without speckle.
 fn arrays<'py>(
     py: Python<'py>,
     tensors: Vec<Tensor>,
@@ -108,11 +108,13 @@ fn arrays<'py>(
 pub struct ClothTables {
     cloth: ClothModel,
     speckle: bool,
+    notes: Vec<String>,
 }
 
 #[pymethods]
 impl ClothTables {
-    /// Of a cloth's file.
+    /// Of a cloth's file, or of its spec (.toml), whose cloth is looked up in the user's cache, or made and
+    /// kept there.
     #[new]
     #[pyo3(signature = (filename, layers = true, shadowing = true, edges = true, speckle = false, far = false))]
     #[allow(clippy::fn_params_excessive_bools)]
@@ -126,8 +128,15 @@ impl ClothTables {
         far: bool,
     ) -> PyResult<Self> {
         let options = FabricOptions { noise: speckle, layers, shadowing, edges, far, ..FabricOptions::SMOOTH };
-        let cloth = py.detach(|| ClothModel::load(filename, &options)).map_err(raise)?;
-        Ok(ClothTables { cloth, speckle })
+        let load = || -> Result<(ClothModel, Vec<String>), Error> {
+            if !filename.ends_with(".toml") {
+                return Ok((ClothModel::load(filename, &options)?, Vec::new()));
+            }
+            let ReadyCloth { data, notes, .. } = ClothRecipe::load(filename)?.ready(&model_library(), &Run::plain())?;
+            Ok((ClothModel::from_data(data, &options)?, notes))
+        };
+        let (cloth, notes) = py.detach(load).map_err(raise)?;
+        Ok(ClothTables { cloth, speckle, notes })
     }
 
     /// Tables by name; `models`, the files of the ply models; `noise`, the noise tiles of each model, none
@@ -153,6 +162,11 @@ impl ClothTables {
         light(py, &self.cloth, [position_um, wo, wi], lambda_um, sigma_per_um, footprint_um)
     }
 
+    /// Notes on a cloth that was made, one a line.
+    fn notes(&self) -> Vec<String> {
+        self.notes.clone()
+    }
+
     /// What lines from `from_um` in directions `w`, `[n, 3]` each, hit first `[n, 10]`: 1 for a ply, curve,
     /// theta_i, h, way to the wall, parameter, tangent, number of plies.
     fn hits<'py>(
@@ -171,7 +185,10 @@ impl ClothTables {
             if let Some(hit) = found.as_slice().first() {
                 let [x, y, z] = hit.tangent;
                 let of = [1.0, hit.curve as f32, hit.theta_i, hit.h_um, hit.enter_um, hit.parameter, x, y, z];
-                of.into_iter().chain([found.as_slice().len() as f32]).enumerate().for_each(|(k, v)| numbers[[i, k]] = v);
+                of.into_iter()
+                    .chain([found.as_slice().len() as f32])
+                    .enumerate()
+                    .for_each(|(k, v)| numbers[[i, k]] = v);
             }
         }
         Ok(numbers.into_pyarray(py).into_any())

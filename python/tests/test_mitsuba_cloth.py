@@ -50,11 +50,11 @@ def cloth(filename, **keys):
 
 @pytest.mark.parametrize(
     "name, keys, share",
-    [*((name, {}, 2e-2) for name in NAMES), ("organza", {"edges": False}, 2e-2), ("hopsack", {"layers": False, "shadowing": False}, 2e-2)],
+    [*((name, {}, 1e-2) for name in NAMES), ("organza", {"edges": False}, 1e-2), ("hopsack", {"layers": False, "shadowing": False}, 1e-2)],
 )
 def test_cloth_is_the_librarys(name, keys, share, woven):
-    """f, density and straight light of random places and directions. Newton's steps end within 1e-4 of a piece's length, so that a fiftieth of the queries is beyond 1e-3; the mean is
-    the same to 5e-4."""
+    """f, density and straight light of random places and directions to 1e-3, but for a hundredth of the queries: Newton's steps end in other places within their tolerance, and what is
+    hit at a rim, or counts as followed by another ply, is a choice. The mean is the same to 5e-4."""
     rng, n = np.random.default_rng(3), QUERIES
     position = rng.uniform(-3000, 3000, (n, 2)).astype(np.float32)
     wo, wi = directions(rng, n), directions(rng, n)
@@ -68,7 +68,7 @@ def test_cloth_is_the_librarys(name, keys, share, woven):
         error = np.abs(a - b) / np.maximum(np.abs(b), 1e-3)
         print(f"{name}, {what}: beyond 1e-4, 1e-3, 1e-2: {[float((error > e).mean()) for e in (1e-4, 1e-3, 1e-2)]}")
     close("f", got, f, tolerance=1e-3, share=share)
-    close("f", got, f, tolerance=3e-2, share=2e-3)
+    close("f", got, f, tolerance=3e-2, share=3e-3)
     close("pdf", density, pdf, tolerance=1e-3, share=share)
     assert (np.abs(passes - straight) > 1e-3).mean() <= 2e-4
     assert abs(got.mean(dtype=np.float64) / f.mean(dtype=np.float64) - 1.0) < 5e-4

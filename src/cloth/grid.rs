@@ -41,6 +41,9 @@ pub(super) struct Block {
 /// A piece of a voxel, and the cells by which it is moved.
 pub(super) type Entry = (u32, [i16; 2]);
 
+/// Coefficients of a piece, `[power of u][axis]`, and the reach about its chord [um].
+pub(super) type Shape = ([[f32; 3]; 4], f32);
+
 /// A piece of a curve: from one parameter to the next.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Piece {
@@ -185,7 +188,7 @@ impl Grid {
     /// The grid as flat tables: the first entry of each voxel and the number of all; of each entry its piece
     /// and the cells by which that is moved; the coefficients of each piece, `[power of u][axis]`, and the
     /// reach about its chord [um].
-    pub fn tables(&self) -> (Vec<u32>, Vec<Entry>, Vec<([[f32; 3]; 4], f32)>) {
+    pub fn tables(&self) -> (Vec<u32>, Vec<Entry>, Vec<Shape>) {
         let (mut first, mut entries) = (vec![0], Vec::new());
         let mut pieces = vec![([[0.0; 3]; 4], 0.0); self.pieces.len()];
         for blocks in self.first.windows(2) {
@@ -243,8 +246,8 @@ impl Voxels<'_> {
         })
     }
 
-    /// Voxels of a range that a dilated chord reaches into, each with the cells by which the chord is moved to
-    /// be there.
+    /// Voxels of a range that a dilated chord reaches into, each with the cells by which the chord is moved
+    /// to be there.
     fn reached(&self, [p, q]: [[f64; 3]; 2], reach: f64, range: [[i32; 2]; 3]) -> Vec<(usize, [i16; 2])> {
         let way: [f64; 3] = std::array::from_fn(|k| q[k] - p[k]);
         let mut all = Vec::new();

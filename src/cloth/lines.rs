@@ -2,11 +2,11 @@
 //!
 //! A line walks through the voxels of a grid (`grid.rs`); in each it finds its distance to the chords of the
 //! pieces of curve there. Blocks of pieces in which one is near enough are refined by Newton's steps on
-//! `(p(u) - x - t w) . p'(u) = 0`, all lanes at once. A chord counts in the voxel in which the line is nearest
-//! to it, a place on a curve in the piece that holds it: each hit is found once.
+//! `(p(u) - x - t w) . p'(u) = 0`, all lanes at once. A chord counts in the voxel in which the line is
+//! nearest to it, a place on a curve in the piece that holds it: each hit is found once.
 
 use super::ClothCurves;
-use super::grid::{Entry, Grid, LANES, Piece};
+use super::grid::{Entry, Grid, LANES, Piece, Shape};
 use super::nearest::{Found, near, refine};
 use crate::Result;
 use crate::fabric::shadow::AxisAt;
@@ -21,8 +21,8 @@ const MAX_STEPS: usize = 4096;
 /// Squared sine of a line's angle to a curve below which its way in the ply counts as no longer: by then
 /// the curve has bent away.
 const MIN_SINE2: f32 = 0.01;
-/// Share of light that is not followed, and how far plies are looked for beyond those that leave no more, over
-/// the largest radius: the next one behind them.
+/// Share of light that is not followed, and how far plies are looked for beyond those that leave no more,
+/// over the largest radius: the next one behind them.
 const MIN_LEFT: f32 = 3e-4;
 const BEYOND: f32 = 3.0;
 
@@ -130,6 +130,19 @@ pub struct ClothLines {
     largest_um: f32,
 }
 
+/// The grid of a cloth and its pieces as flat tables.
+pub(crate) struct LineTables {
+    /// Voxels along the vectors of the cell and along z.
+    pub counts: [u32; 3],
+    /// First entry of each voxel, and their number.
+    pub first: Vec<u32>,
+    /// Entries of the voxels.
+    pub entries: Vec<Entry>,
+    /// Of each piece its curve and 16 numbers: coefficients, `[power of u][axis]`, radius, reach about the
+    /// chord, parameter of the curve at u = 0 and its growth to u = 1.
+    pub pieces: Vec<(u32, [f32; 16])>,
+}
+
 impl ClothLines {
     /// Of a cloth.
     ///
@@ -169,12 +182,10 @@ impl ClothLines {
         (self.grid.cell, self.grid.steps)
     }
 
-    /// Voxels along the vectors of the cell and along z, first entries of the voxels, entries (piece, cells by
-    /// which it is moved), and of each piece its curve and 16 numbers: coefficients, `[power of u][axis]`,
-    /// radius, reach about the chord, parameter of the curve at u = 0 and its growth to u = 1.
-    pub(crate) fn tables(&self) -> ([u32; 3], Vec<u32>, Vec<Entry>, Vec<(u32, [f32; 16])>) {
+    /// The grid and its pieces as flat tables.
+    pub(crate) fn tables(&self) -> LineTables {
         let (first, entries, shapes) = self.grid.tables();
-        let numbers = |(piece, (cubic, reach)): (&Piece, &([[f32; 3]; 4], f32))| {
+        let numbers = |(piece, (cubic, reach)): (&Piece, &Shape)| {
             let mut numbers = [0.0; 16];
             numbers[..12].copy_from_slice(cubic.as_flattened());
             let radius = self.radius_um(piece.curve as usize);
@@ -182,7 +193,7 @@ impl ClothLines {
             (piece.curve, numbers)
         };
         let pieces = self.grid.pieces.iter().zip(&shapes).map(numbers).collect();
-        (self.grid.counts.map(|n| n as u32), first, entries, pieces)
+        LineTables { counts: self.grid.counts.map(|n| n as u32), first, entries, pieces }
     }
 
     /// Number of curves.

@@ -109,7 +109,7 @@ impl ClothModel {
     }
 
     /// The same cloth with other colors of its kinds of yarns, which are colors of `of`; of a single kind,
-    /// the first. Nothing is traced; where `of` was not the cloth's, it takes seconds.
+    /// the first. Nothing is traced; where `of` was not the cloth's, it takes tenths of a second.
     #[must_use]
     pub fn with_colors(&self, colors: [YarnColor; 2], of: ColorOf) -> ClothModel {
         let mut other = self.clone();
@@ -182,8 +182,8 @@ impl ClothModel {
         self.color_of
     }
 
-    /// As [`ClothModel::color_curve`], in another meaning. It takes seconds but for the cloth's own and
-    /// [`ColorOf::EvenSky`].
+    /// As [`ClothModel::color_curve`], in another meaning. It takes tenths of a second but for the cloth's
+    /// own and [`ColorOf::EvenSky`].
     pub fn color_curve_of(&self, of: ColorOf) -> AlbedoCurve {
         if of == self.color_of {
             return self.curve.clone();

@@ -132,7 +132,8 @@ pub(super) fn refine<const FMA: bool>(block: &Block, origin: [f32; 3], w: [f32; 
             let slope = pd[l] - pw[l] * dw[l];
             let straight = d2[l] - dw[l] * dw[l];
             let bend = straight + pdd[l] - pw[l] * ddw[l];
-            // Where the distance curves the other way, it may be greatest: the step that a straight curve has.
+            // Where the distance curves the other way, it may be greatest: the step that a straight curve
+            // has.
             is_least[l] = u32::from(bend > 0.0);
             let bend = if bend > 0.1 * d2[l] { bend } else { max(straight, 0.05 * d2[l]) };
             to[l] = min(max(found.u[l] - slope / bend, -SLACK), 1.0 + SLACK);
@@ -149,7 +150,7 @@ pub(super) fn refine<const FMA: bool>(block: &Block, origin: [f32; 3], w: [f32; 
                 found.u[l] = u;
                 found.counts[l] = near.counts[l]
                     & is_least[l]
-                    & u32::from((moved[l] < AWAY) & (u >= 0.0) & (u < 1.0) & (found.h2[l] < block.reach2[l]));
+                    & u32::from((moved[l] < AWAY) & (0.0..1.0).contains(&u) & (found.h2[l] < block.reach2[l]));
             }
             break;
         }

@@ -28,6 +28,7 @@
 //! | `far_*` | | those of a fabric, with 4 classes a kind and no apertures; only of cloths loaded with `FabricOptions::far` |
 
 use super::ClothModel;
+use super::lines::LineTables;
 use super::plies::ClothPlies;
 use crate::PlyModel;
 use crate::color::SPECTRUM_NODES;
@@ -45,8 +46,8 @@ impl ClothModel {
         &self.plies.models
     }
 
-    /// The tables of the cloth, each described in the head of src/cloth/tensors.rs; those of its models are in
-    /// their files, [`crate::ply::PlyData::to_bytes`].
+    /// The tables of the cloth, each described in the head of src/cloth/tensors.rs; those of its models are
+    /// in their files, [`crate::ply::PlyData::to_bytes`].
     pub fn tensors(&self) -> Vec<Tensor> {
         let mut all = Vec::new();
         let mut add = |name, shape: &[usize], values| all.push(Tensor { name, shape: shape.to_vec(), values });
@@ -106,9 +107,9 @@ impl ClothModel {
 /// The curves in the voxels of their grid, and the models of their plies.
 fn curves(plies: &ClothPlies, add: &mut impl FnMut(&'static str, &[usize], Values)) {
     add("cell_um", &[2, 2], Values::F32(plies.lines.cell().0.as_flattened().to_vec()));
-    let (counts, voxel, entries, pieces) = plies.lines.tables();
+    let LineTables { counts, first, entries, pieces } = plies.lines.tables();
     add("counts", &[3], Values::U32(counts.to_vec()));
-    add("voxel", &[voxel.len()], Values::U32(voxel));
+    add("voxel", &[first.len()], Values::U32(first));
     let numbers = entries.iter().flat_map(|(piece, cells)| {
         let [i, j] = cells.map(|c| (i32::from(c) + (1 << 15)) as u32);
         [*piece, i, j]

@@ -138,8 +138,8 @@ fn q_of(theta_i: f32, theta_o: f32) -> f32 {
     STEPS as f32 * (1.0 + (t * t).copysign(off))
 }
 
-/// Share of the mean in a query's answer, seen from `wo`: none of a point and of models of its own, all beyond
-/// a repeat of this length [um].
+/// Share of the mean in a query's answer, seen from `wo`: none of a point and of models of its own, all
+/// beyond a repeat of this length [um].
 pub(crate) fn share<const N: usize>(query: &FabricQuery<'_, N>, wo: [f32; 3], repeat_um: f64) -> Option<f32> {
     let t = (2.0 * query.footprint_um / repeat_um as f32 - 1.0).clamp(0.0, 1.0);
     let share = t * t * (3.0 - 2.0 * t);

@@ -339,15 +339,15 @@ pub(crate) struct AxisAt<T> {
 
 /// One place: lines in every direction, from every offset.
 ///
-/// The table's light leaves by lines that are even over the offset t from the axis, as from a straight ply. Of
-/// a bent one, of curvature kappa towards n, lines in direction b have the area
-/// `(sin - t kappa (b . B) / sin^2) ds dt`, B = axis cross n and sin that between b and the axis: more on the
-/// outer side of a bend, less on the inner one, nothing where it folds. What b is sent is in proportion, as
-/// what comes from there is, so each line counts by this area over that of a straight ply, `sin ds dt`, and by
-/// `largest_area` at most.
+/// The table's light leaves by lines that are even over the offset t from the axis, as from a straight ply.
+/// Of a bent one, of curvature kappa towards n, lines in direction b have the area `(sin - t kappa (b . B) /
+/// sin^2) ds dt`, B = axis cross n and sin that between b and the axis: more on the outer side of a bend,
+/// less on the inner one, nothing where it folds. What b is sent is in proportion, as what comes from there
+/// is, so each line counts by this area over that of a straight ply, `sin ds dt`, and by `largest_area` at
+/// most.
 ///
-/// `place` gives the axis at a fraction, 0 to 1, of the place's length, `free` the share of the light of a line
-/// from a point of the wall in a direction that gets out.
+/// `place` gives the axis at a fraction, 0 to 1, of the place's length, `free` the share of the light of a
+/// line from a point of the wall in a direction that gets out.
 pub(crate) fn fill_row<T>(
     row: &mut [u8],
     (lines, largest_area): (usize, f32),

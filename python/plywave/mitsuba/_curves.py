@@ -6,7 +6,8 @@ import numpy as np
 from ._lines import Lines
 from ._tables import Tables
 
-#: Words of a curve: its kind, first place and number of places in the table of shadows, the yarn's number and what is added to that by cell, the curve, its knots.
+#: Words of a curve: its kind; first place and number of places in the table of shadows; the yarn's number and
+#: what is added to that by cell; the curve.
 KIND, FIRST, COUNT, NUMBER, STEP_A, STEP_B, CURVE = range(7)
 
 

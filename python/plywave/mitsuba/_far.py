@@ -51,7 +51,9 @@ class Far:
         self.f = kit.floats(f)
         self.sums = kit.floats(np.pad(tensors["far_chances"], [(0, 0)] * 3 + [(1, 0)]))
         self.energy, self.first = kit.floats(tensors["far_energy"]), kit.floats(tensors["far_first"])
-        self.passing, self.apertures = kit.floats(tensors["far_passing"]), kit.words(tensors["far_apertures"])
+        self.passing = kit.floats(tensors["far_passing"])
+        # None of a cloth, whose gaps let light straight through.
+        self.apertures = kit.words(tensors["far_apertures"]) if "far_apertures" in tensors else None
         # Classes of first plies of a kind.
         self.layers = tensors["far_first"].shape[2]
 

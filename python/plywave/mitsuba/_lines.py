@@ -13,9 +13,9 @@ from ._kit import cross3, dot3
 
 #: Hits of a line that are kept.
 HITS = 12
-# src/cloth/lines.rs
-SLACK, BEYOND2, ACROSS, AWAY, MIN_SINE2, MIN_LEFT = 0.25, 0.16, 0.5, 0.05, 0.01, 3e-4
-MAX_ENTRIES, ROUNDS, MARGIN_UM = 1 << 15, 5, 1.0
+# src/cloth/lines.rs, nearest.rs
+SLACK, BEYOND2, ACROSS, AWAY, MIN_SINE2, MIN_LEFT, BEYOND = 0.25, 0.16, 0.5, 0.05, 0.01, 3e-4, 3.0
+MAX_ENTRIES, ROUNDS, MARGIN_UM = 1 << 15, 8, 1.0
 #: Added to numbers of cells, which may be negative.
 BIAS = 1 << 15
 
@@ -98,28 +98,28 @@ class Lines:
 
     @staticmethod
     def step(p, first, second, d):
-        """Newton's step towards where a line is nearest to a piece."""
+        """Newton's step towards where a line is nearest to a piece, and whether the distance has a minimum about there."""
         pw, dw, ddw = dot3(p, d), dot3(first, d), dot3(second, d)
         d2 = dot3(first, first)
         slope, straight = dot3(p, first) - pw * dw, d2 - dw * dw
         bend = straight + dot3(p, second) - pw * ddw
-        bend = dr.select(bend > 0.1 * d2, bend, dr.maximum(straight, 0.05 * d2))
-        return -slope / bend
+        return -slope / dr.select(bend > 0.1 * d2, bend, dr.maximum(straight, 0.05 * d2)), bend > 0.0
 
     def refined(self, piece, shift, start, d, u):
         """Where a line is nearest to a piece: the place, the way along the line, the squared distance, and whether it is within the piece and the ply."""
         kit = self.kit
         cubic, radius, _, _ = self.cubic(piece)
-        moved = 0.0
+        moved, is_least = 0.0, kit.bool(True)
         for _ in range(ROUNDS):
-            to = u + self.step(*self.along(cubic, shift, start, u), d)
+            by, is_least = self.step(*self.along(cubic, shift, start, u), d)
+            to = u + by
             to = dr.minimum(dr.maximum(to, -SLACK), 1.0 + SLACK)
             u, moved = to, dr.abs(to - u)
         p, first, _ = self.along(cubic, shift, start, u)
         way = dot3(p, d)
         h2 = dr.maximum(dot3(p, p) - way * way, 0.0)
         inside = kit.both(kit.both(u >= 0.0, u < 1.0), kit.both(h2 < radius * radius, way >= 0.0))
-        return u, kit.both(inside, moved < AWAY), way, h2, first, p, radius
+        return u, kit.both(kit.both(inside, is_least), moved < AWAY), way, h2, first, p, radius
 
     def follow(self, start, d, active, kind_of, r_d):
         """The hits of a line until hardly any light is left: lists of ``piece``, ``cells``, ``place`` and of the way to their walls, and how many there are. ``r_d(kind, theta_i,
@@ -170,6 +170,9 @@ class Lines:
             "last": last,
             "left": kit.float(1.0),
             "end": kit.float(end),
+            # The way to the place nearest to the furthest ply, and to where plies count no more.
+            "deepest": zero,
+            "stop": kit.float(math.inf),
             "looked": kit.uint(0),
             "found": found,
         }
@@ -182,11 +185,12 @@ class Lines:
             cells = [cells[0] + kit.int(packed >> 16) - BIAS, cells[1] + kit.int(packed & 0xFFFF) - BIAS]
             shift = self.moved(kit.float(cells[0]), kit.float(cells[1]))
             least = dr.select(s["from"] == begin, -math.inf, s["from"])
-            most = dr.select(s["leave"] >= end, math.inf, s["leave"])
+            most, stop = dr.select(s["leave"] >= end, math.inf, s["leave"]), s["stop"]
             near, u = self.chord_near(piece, shift, start, d, least, most)
 
-            def hit(left, found):
+            def hit(left, deepest, found):
                 place, inside, way, h2, first, p, radius = self.refined(piece, shift, start, d, u)
+                inside = kit.both(inside, way <= stop)
                 per = dr.rsqrt(dot3(first, first))
                 tangent = [x * per for x in first]
                 across = cross3(d, tangent)
@@ -196,14 +200,15 @@ class Lines:
                 h = dr.sqrt(h2) * dr.select(dot3(off, across) < 0.0, -1.0, 1.0)
                 theta_i = dr.asin(dr.minimum(dr.maximum(-dot3(d, tangent), -1.0), 1.0))
                 left = dr.select(inside, left * r_d(kind_of(piece), theta_i, h, radius), left)
-                return left, self.insert(found, {"piece": piece, "cells": self.packed(cells), "place": place, "enter": enter})
+                return left, dr.select(inside, dr.maximum(deepest, way), deepest), self.insert(found, {"piece": piece, "cells": self.packed(cells), "place": place, "enter": enter})
 
-            s["left"], s["found"] = kit.branch((s["left"], s["found"]), kit.both(some, near), hit)
+            s["left"], s["deepest"], s["found"] = kit.branch((s["left"], s["deepest"], s["found"]), kit.both(some, near), hit)
             # At the end of a voxel the next one.
             done = s["entry"] + 1 >= s["last"]
+            short = kit.both(kit.both(done, s["left"] < MIN_LEFT), s["stop"] == math.inf)
+            s["stop"] = dr.select(short, s["deepest"] + BEYOND * self.largest, s["stop"])
+            s["end"] = dr.minimum(s["end"], s["stop"])
             leaves, is_end = s["leave"], s["leave"] >= s["end"]
-            short = kit.both(kit.both(done, s["left"] < MIN_LEFT), s["end"] == end)
-            s["end"] = dr.select(short, dr.minimum(s["end"], leaves + 2.0 * self.largest), s["end"])
             ways = border(s["voxel"])
             is_up = ways[2] < dr.minimum(ways[0], ways[1])
             is_second = kit.both(kit.no(is_up), ways[1] < ways[0])
@@ -252,7 +257,7 @@ class Lines:
         shift = self.moved(kit.float(cells[0]), kit.float(cells[1]))
         u = where["place"]
         # With the gradients of the line's place, which the search has not.
-        u = u + self.step(*self.along(cubic, shift, start, u), d)
+        u = u + self.step(*self.along(cubic, shift, start, u), d)[0]
         p, first, second = self.along(cubic, shift, start, u)
         way = dot3(p, d)
         off = [p[k] - way * d[k] for k in range(3)]

@@ -17,7 +17,7 @@ def define(Surface):
     """The plugin's class for the current variant."""
 
     class Cloth(Surface):
-        """``plywave_cloth``: a cloth file on a surface with uv."""
+        """``plywave_cloth``: a cloth on a surface with uv."""
 
         PLUGIN, ALONG = "plywave_cloth", "along whose u the cloth's x runs"
         FLAGS = {"layers": True, "shadowing": True, "edges": True, "speckle": False, "far": False}
@@ -29,8 +29,10 @@ def define(Surface):
             on, kit = self.begin(props), self.kit
             filename = typed(name, props, "filename", str, None)
             if filename is None:
-                raise ValueError(f"{name}: filename: give a cloth file (.pwc), made with `plywave weave SPEC -o CLOTH.pwc`")
+                raise ValueError(f"{name}: filename: give a cloth file (.pwc), made with `plywave weave SPEC -o CLOTH.pwc`, or a cloth spec (.toml)")
             tables = _native.ClothTables(str(mi.file_resolver().resolve(filename)), **on)
+            for note in tables.notes():
+                mi.Log(mi.LogLevel.Info, f"{name}: {note}")
             tensors = tables.tensors()
             self.cloth = Curves(kit, tensors)
             self.speckle = Speckle(kit, tensors["noise"]) if on["speckle"] else None
