@@ -6,8 +6,10 @@
 //! textile units; `plywave_sim::cloth` makes the curves.
 
 mod curves;
+mod dyes;
 mod file;
 mod follow;
+mod gap;
 mod grid;
 mod lattice;
 mod lines;
@@ -30,6 +32,6 @@ pub use model::ClothModel;
 #[doc(hidden)]
 pub use rules::CLOTH_RULES;
 pub(crate) use shade::ClothShade;
-pub use spec::{ClothSpec, ClothWeave, KnitSpec, SourceCurves, YarnOfCloth};
+pub use spec::{ClothSpec, ClothWeave, KnitSpec, SourceCurves, Stripe, YarnOfCloth};
 pub use surface::ClothSurface;
 pub use units::Count;

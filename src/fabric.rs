@@ -31,7 +31,7 @@ pub(crate) mod shade;
 pub(crate) mod shadow;
 mod spec;
 pub(crate) mod splines;
-mod tensors;
+pub(crate) mod tensors;
 mod uv;
 mod walk;
 mod wif;

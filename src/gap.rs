@@ -26,6 +26,7 @@
 //! leave f unchanged up to a tilt of 1.2 rad (w0 = 10 um): c_i is at least `least_cosine`, and the excess of
 //! a tilted beam without any aperture is divided out (`beam_excess`). Test: `tests/it/gap_grazing.rs`.
 
+mod apertures;
 mod slit;
 mod spectrum;
 
@@ -34,6 +35,7 @@ use crate::frame::is_direction;
 use crate::math::faddeeva::{Factor, power_between};
 use crate::spec::GaussianBeam;
 use crate::{Bsdf, BsdfSample, Error, Result};
+pub(crate) use apertures::{Apertures, EDGES, GapAt, Opening};
 use multiversion::{multiversion, target::target_cfg_f};
 pub use slit::{SLIT_MAX_UM, SLIT_SHARE, Slit};
 pub(crate) use spectrum::{Axis, CELLS as SPECTRUM_CELLS, Range, Spectrum};

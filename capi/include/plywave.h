@@ -294,8 +294,10 @@ typedef struct PlywavePlyReport {
 } PlywavePlyReport;
 
 // Options of a cloth's shading. Zeroed memory, or NULL in its place, is the whole model without speckle, in
-// the colors of the file. Light through gaps goes straight on, as a delta.
+// the colors of the file.
 typedef struct PlywaveClothOptions {
+    // Not 0: light goes straight through gaps, as a delta. 0: gaps diffract it.
+    int32_t straight_gaps;
     // Not 0: light that passes beside a ply goes straight on. 0: it is diffracted at its edge.
     int32_t no_edges;
     // Not 0: adds speckle in models that have noise.
@@ -311,6 +313,13 @@ typedef struct PlywaveClothOptions {
     int32_t has_sigma;
     // One absorption [1/um] at every wavelength for all yarns; 0 for a white furnace.
     float sigma_per_um;
+    // Not 0: all yarns have slits between their fibers by `slit_width_um` and `slit_share`, which override
+    // those of the spec.
+    int32_t has_slits;
+    // Width of the slits [um], above 0 and at most 5.
+    float slit_width_um;
+    // Share of a ply's forward light that goes through the slits (0.25 in the paper); 0 for none.
+    float slit_share;
 } PlywaveClothOptions;
 
 // Description of a cloth.

@@ -10,7 +10,8 @@ use crate::surface::{
     eval_batch, put_colors, put_sigma, sample_batch, yarn_color,
 };
 use plywave::cloth::{ClothData, ClothModel};
-use plywave::fabric::{ColorReach, FabricOptions, GapLight};
+use plywave::fabric::{ColorReach, FabricOptions, GapLight, Slits};
+use plywave::gap::SLIT_MAX_UM;
 use std::ffi::c_char;
 
 /// A loaded cloth: woven, knitted or of curves. It is immutable: any number of threads may use it at once.
@@ -43,10 +44,12 @@ impl SurfaceHandle for PlywaveCloth {
 }
 
 /// Options of a cloth's shading. Zeroed memory, or NULL in its place, is the whole model without speckle, in
-/// the colors of the file. Light through gaps goes straight on, as a delta.
+/// the colors of the file.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PlywaveClothOptions {
+    /// Not 0: light goes straight through gaps, as a delta. 0: gaps diffract it.
+    pub straight_gaps: i32,
     /// Not 0: light that passes beside a ply goes straight on. 0: it is diffracted at its edge.
     pub no_edges: i32,
     /// Not 0: adds speckle in models that have noise.
@@ -62,6 +65,13 @@ pub struct PlywaveClothOptions {
     pub has_sigma: i32,
     /// One absorption [1/um] at every wavelength for all yarns; 0 for a white furnace.
     pub sigma_per_um: f32,
+    /// Not 0: all yarns have slits between their fibers by `slit_width_um` and `slit_share`, which override
+    /// those of the spec.
+    pub has_slits: i32,
+    /// Width of the slits [um], above 0 and at most 5.
+    pub slit_width_um: f32,
+    /// Share of a ply's forward light that goes through the slits (0.25 in the paper); 0 for none.
+    pub slit_share: f32,
 }
 
 /// Description of a cloth.
@@ -82,17 +92,29 @@ pub struct PlywaveClothInfo {
     pub memory_bytes: u64,
 }
 
+/// Slits of the options.
+fn slits(of: &PlywaveClothOptions) -> Checked<Slits> {
+    let (width_um, share) = (of.slit_width_um, of.slit_share);
+    if !(width_um > 0.0 && width_um <= SLIT_MAX_UM) {
+        return Err(invalid("slit_width_um", width_um, "above 0 and at most 5"));
+    }
+    if !(0.0..=1.0).contains(&share) {
+        return Err(invalid("slit_share", share, "from 0 to 1"));
+    }
+    Ok(Slits { width_um, share })
+}
+
 fn options_of(of: Option<&PlywaveClothOptions>) -> Checked<FabricOptions> {
-    let usual = FabricOptions { gaps: GapLight::Straight, far: true, ..FabricOptions::default() };
-    let Some(o) = of else { return Ok(usual) };
+    let Some(o) = of else { return Ok(FabricOptions { far: true, ..FabricOptions::default() }) };
     Ok(FabricOptions {
+        gaps: if o.straight_gaps != 0 { GapLight::Straight } else { GapLight::Diffracted },
         sigma_per_um: (o.has_sigma != 0).then(|| absorption(o.sigma_per_um)).transpose()?,
         noise: o.noise != 0,
         layers: o.no_layers == 0,
         shadowing: o.no_shadowing == 0,
         edges: o.no_edges == 0,
+        slits: (o.has_slits != 0).then(|| slits(o)).transpose()?,
         far: o.no_far == 0,
-        ..usual
     })
 }
 

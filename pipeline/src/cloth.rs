@@ -18,6 +18,9 @@ use std::sync::atomic::{AtomicBool, Ordering};
 const MAX_SPEC_BYTES: u64 = 1 << 20;
 const MAX_BYTES: u64 = 256 << 20;
 
+/// How cloths are made, raised by each change of that: those of another number are not found in the cache.
+const MAKING: u32 = 1;
+
 /// A cloth spec and the folder of the files that it names.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ClothRecipe {
@@ -172,16 +175,9 @@ impl ClothRecipe {
             return Err(Error::Interrupted { left: 0, total: 0 });
         }
         run.check_stop()?;
-        Ok(data?)
-    }
-
-    /// Notes on the cloth of these curves, one a line.
-    pub fn notes(&self, curves: &MadeCloth) -> Vec<String> {
-        let mut notes = curves.notes.clone();
-        if matches!(self.spec.weave, Some(WeaveSpec::Wif { .. })) {
-            notes.push("colors of the WIF are not used; give srgb of warp and weft".into());
-        }
-        notes
+        let mut data = data?;
+        data.colors.clone_from(&curves.colors);
+        Ok(data)
     }
 
     /// The cloth: looked up by the contents of spec, models and files among those in [`cloth_cache`], or made
@@ -192,7 +188,7 @@ impl ClothRecipe {
     /// written is a note.
     pub fn ready(&self, library: &ModelLibrary, run: &Run<'_>) -> Result<ReadyCloth, Error> {
         let models = self.models(library)?;
-        let mut of = format!("{}\n{}\n", env!("CARGO_PKG_VERSION"), self.spec_text);
+        let mut of = format!("{} {MAKING}\n{}\n", env!("CARGO_PKG_VERSION"), self.spec_text);
         for model in &models {
             of += &digest_of_bytes(&model.data().to_bytes()?);
         }
@@ -208,7 +204,7 @@ impl ClothRecipe {
         }
         let curves = self.curves(run)?;
         let data = self.make(&curves, &models, true, run)?;
-        let mut notes = self.notes(&curves);
+        let mut notes = curves.notes.clone();
         notes.push(match kept {
             None => "the cloth is not kept: there is no cache folder; PLYWAVE_CACHE names one".into(),
             Some(path) => match keep(&data, &path) {

@@ -8,24 +8,32 @@ from typing import Any, Dict, Optional, Tuple
 from . import _plywave
 from ._files import Document, PathLike
 from ._model import Model
+from ._plywave import Error
 from ._progress import Progress, Told
+from ._results import Slit
 from ._spec import Spec, text_of
 from ._surface import Surface
 from ._work import run_args
 
 
-def _options(sigma_per_um: Optional[float], noise: bool, layers: bool, shadowing: bool, edges: bool, far: bool) -> Dict[str, Any]:
+def _options(
+    gaps: str, sigma_per_um: Optional[float], noise: bool, layers: bool, shadowing: bool, edges: bool, slits: Optional[Slit], far: bool
+) -> Dict[str, Any]:
+    if slits is not None and not isinstance(slits, Slit):
+        raise Error(f"slits: {type(slits).__name__}: give a Slit")
     return {
+        "gaps": gaps,
         "sigma_per_um": None if sigma_per_um is None else float(sigma_per_um),
         "noise": bool(noise),
         "layers": bool(layers),
         "shadowing": bool(shadowing),
         "edges": bool(edges),
+        "slits": None if slits is None else (float(slits.width_um), float(slits.share)),
         "far": bool(far),
     }
 
 
-_USUAL = _options(None, False, True, True, True, True)
+_USUAL = _options("diffracted", None, False, True, True, True, None, True)
 
 
 def _spec_args(spec: Spec, folder: Optional[PathLike]) -> Dict[str, Any]:
@@ -36,7 +44,7 @@ def _spec_args(spec: Spec, folder: Optional[PathLike]) -> Dict[str, Any]:
 class Cloth(Surface, Document):
     """A cloth as a surface, ready for shading: of a cloth file (.pwc), or of a cloth spec. Queries are those of `Surface`.
 
-    Light that hits no ply goes straight on, as a delta: `straight` is its energy.
+    Light that hits no ply is diffracted by the gap. With `gaps = "straight"` it goes straight on, as a delta: `straight` is its energy.
     """
 
     _kind, _words = "cloth", "cloth"
@@ -46,11 +54,13 @@ class Cloth(Surface, Document):
         self,
         spec: Spec,
         *,
+        gaps: str = "diffracted",
         sigma_per_um: Optional[float] = None,
         noise: bool = False,
         layers: bool = True,
         shadowing: bool = True,
         edges: bool = True,
+        slits: Optional[Slit] = None,
         far: bool = True,
         folder: Optional[PathLike] = None,
         progress: Progress = None,
@@ -63,11 +73,13 @@ class Cloth(Surface, Document):
         Args:
             spec: Path of a cloth file (.pwc) or a cloth spec (.toml), the text of a spec, or a dict of its keys (docs/reference/cloth_spec.md). The files
                 that a spec names lie in its file's folder; those of a text or dict in `folder`.
+            gaps: Light through gaps is "diffracted", or goes "straight" on.
             sigma_per_um: One absorption [1/um] for all yarns instead of their colors; 0 for a white furnace.
             noise: Whether models with speckle noise show it.
             layers: Whether plies block light that others send down.
             shadowing: Whether plies block light that others send up.
             edges: Whether light that passes beside a ply is diffracted at its edge.
+            slits: Slits between the fibers of all yarns instead of the spec's, `Slit(width_um, share)`; none for a share of 0. The mean over the cell has no slits.
             far: Whether queries with a footprint get the mean over the cell, if it is in the file; otherwise footprints count as points.
             folder: Folder of the files that a text or dict names; by default the current folder.
             progress: `True` for a bar while a cloth is made, or a function of step, unit, done and total.
@@ -76,7 +88,7 @@ class Cloth(Surface, Document):
             Error: for a file or a spec that is refused.
             KeyboardInterrupt: when stopped.
         """
-        self._options = _options(sigma_per_um, noise, layers, shadowing, edges, far)
+        self._options = _options(gaps, sigma_per_um, noise, layers, shadowing, edges, slits, far)
         path, _ = text_of(spec, "cloth spec")
         if path is not None and not path.endswith(".toml"):
             self._name = path
@@ -93,15 +105,17 @@ class Cloth(Surface, Document):
         data: bytes,
         name: str = "bytes",
         *,
+        gaps: str = "diffracted",
         sigma_per_um: Optional[float] = None,
         noise: bool = False,
         layers: bool = True,
         shadowing: bool = True,
         edges: bool = True,
+        slits: Optional[Slit] = None,
         far: bool = True,
     ) -> "Cloth":
         """From the bytes of a cloth file; `name` stands for it in messages. The options are those of `Cloth`."""
-        options = _options(sigma_per_um, noise, layers, shadowing, edges, far)
+        options = _options(gaps, sigma_per_um, noise, layers, shadowing, edges, slits, far)
         return cls._of(_plywave.Cloth.from_bytes(bytes(data), name, options), name, options)
 
     @classmethod

@@ -182,9 +182,11 @@ class ClothTables:
     def __new__(
         cls,
         filename: str,
+        diffracted: bool = True,
         layers: bool = True,
         shadowing: bool = True,
         edges: bool = True,
+        slits: bool = True,
         speckle: bool = False,
         far: bool = False,
     ) -> ClothTables: ...

@@ -2,11 +2,11 @@
 
 use crate::batch::{Floats, Out};
 use crate::errors::{Failure, Outcome};
-use crate::surface::{Color, SurfaceArrays, ask, color_of, sigma_of_options, sigma_of_reflectance, yarn_color};
+use crate::surface::{Color, SurfaceArrays, SurfaceOptions, ask, color_of, sigma_of_reflectance, yarn_color};
 use crate::watch::watched;
 use crate::work::{RunArgs, SpecArgs};
 use plywave::cloth::{ClothData, ClothModel};
-use plywave::fabric::{FabricOptions, GapLight};
+use plywave::fabric::FabricOptions;
 use plywave::io::{self, FileKind};
 use plywave_pipeline::{ReadyCloth, model_library};
 use pyo3::prelude::*;
@@ -22,38 +22,11 @@ pub(crate) struct Cloth {
     notes: Vec<String>,
 }
 
-/// How a cloth is shaded.
-#[derive(FromPyObject)]
-#[pyo3(from_item_all)]
-pub(crate) struct ClothOptions {
-    sigma_per_um: Option<f32>,
-    noise: bool,
-    layers: bool,
-    shadowing: bool,
-    edges: bool,
-    far: bool,
-}
-
-impl ClothOptions {
-    fn options(&self) -> Outcome<FabricOptions> {
-        Ok(FabricOptions {
-            gaps: GapLight::Straight,
-            sigma_per_um: sigma_of_options(self.sigma_per_um)?,
-            noise: self.noise,
-            layers: self.layers,
-            shadowing: self.shadowing,
-            edges: self.edges,
-            slits: None,
-            far: self.far,
-        })
-    }
-}
-
 #[pymethods]
 impl Cloth {
     /// Of a cloth file.
     #[staticmethod]
-    fn load(py: Python<'_>, path: PathBuf, options: ClothOptions) -> Outcome<Cloth> {
+    fn load(py: Python<'_>, path: PathBuf, options: SurfaceOptions) -> Outcome<Cloth> {
         let options = options.options()?;
         py.detach(|| {
             let bytes = io::read_file(&path, FileKind::Cloth.most_bytes())?;
@@ -63,14 +36,14 @@ impl Cloth {
 
     /// Of the bytes of a cloth file; `name` stands for it in messages.
     #[staticmethod]
-    fn from_bytes(py: Python<'_>, bytes: &[u8], name: &str, options: ClothOptions) -> Outcome<Cloth> {
+    fn from_bytes(py: Python<'_>, bytes: &[u8], name: &str, options: SurfaceOptions) -> Outcome<Cloth> {
         let options = options.options()?;
         py.detach(|| Cloth::of_bytes(bytes.to_vec(), name, &options))
     }
 
     /// Of a cloth spec: looked up in the user's cache, or made and kept there.
     #[staticmethod]
-    fn of_spec(py: Python<'_>, spec: SpecArgs, options: ClothOptions, run: RunArgs) -> Outcome<Cloth> {
+    fn of_spec(py: Python<'_>, spec: SpecArgs, options: SurfaceOptions, run: RunArgs) -> Outcome<Cloth> {
         let (recipe, options) = (spec.cloth()?, options.options()?);
         watched(py, run.threads, run.progress, |watch| {
             watch.run([None, None], |run| {
@@ -82,14 +55,14 @@ impl Cloth {
 
     /// Of a cloth spec: made.
     #[staticmethod]
-    fn weave(py: Python<'_>, spec: SpecArgs, options: ClothOptions, run: RunArgs) -> Outcome<Cloth> {
+    fn weave(py: Python<'_>, spec: SpecArgs, options: SurfaceOptions, run: RunArgs) -> Outcome<Cloth> {
         let (recipe, options) = (spec.cloth()?, options.options()?);
         watched(py, run.threads, run.progress, |watch| {
             watch.run([None, None], |run| {
                 let models = recipe.models(&model_library())?;
                 let curves = recipe.curves(run)?;
                 let data = recipe.make(&curves, &models, true, run)?;
-                Cloth::of_data(data, recipe.notes(&curves), &options)
+                Cloth::of_data(data, curves.notes.clone(), &options)
             })
         })
     }

@@ -2,9 +2,9 @@
 
 use crate::batch::{Floats, Out};
 use crate::errors::{Failure, Outcome};
-use crate::surface::{Color, SurfaceArrays, ask, color_of, sigma_of_options, sigma_of_reflectance, yarn_color};
+use crate::surface::{Color, SurfaceArrays, SurfaceOptions, ask, color_of, sigma_of_reflectance, yarn_color};
 use plywave::FabricModel;
-use plywave::fabric::{FabricOptions, FabricSpec, GapLight, LoadedFabric, Slits, YarnSet};
+use plywave::fabric::{FabricOptions, FabricSpec, LoadedFabric, YarnSet};
 use plywave::io::Folder;
 use plywave_pipeline::model_library;
 use pyo3::prelude::*;
@@ -18,59 +18,18 @@ pub(crate) struct Fabric {
     notes: Vec<String>,
 }
 
-/// How a fabric is shaded.
-#[derive(FromPyObject)]
-#[pyo3(from_item_all)]
-pub(crate) struct Options {
-    gaps: String,
-    sigma_per_um: Option<f32>,
-    noise: bool,
-    layers: bool,
-    shadowing: bool,
-    edges: bool,
-    slits: Option<(f32, f32)>,
-    far: bool,
-}
-
-impl Options {
-    fn options(&self) -> Outcome<FabricOptions> {
-        let gaps = match self.gaps.as_str() {
-            "diffracted" => GapLight::Diffracted,
-            "straight" => GapLight::Straight,
-            other => {
-                return Err(Failure::input(
-                    "options",
-                    "gaps",
-                    format!("{other:?}"),
-                    "use \"diffracted\" or \"straight\"",
-                ));
-            }
-        };
-        Ok(FabricOptions {
-            gaps,
-            sigma_per_um: sigma_of_options(self.sigma_per_um)?,
-            noise: self.noise,
-            layers: self.layers,
-            shadowing: self.shadowing,
-            edges: self.edges,
-            slits: self.slits.map(|(width_um, share)| Slits { width_um, share }),
-            far: self.far,
-        })
-    }
-}
-
 #[pymethods]
 impl Fabric {
     /// Of a spec's file.
     #[staticmethod]
-    fn load(py: Python<'_>, path: PathBuf, options: Options) -> Outcome<Fabric> {
+    fn load(py: Python<'_>, path: PathBuf, options: SurfaceOptions) -> Outcome<Fabric> {
         let options = options.options()?;
         py.detach(|| Fabric::from_loaded(FabricSpec::load_file(path, &model_library())?, &options))
     }
 
     /// Of a spec's text; the files it names lie in `folder`, and anywhere.
     #[staticmethod]
-    fn from_text(py: Python<'_>, text: &str, name: &str, folder: PathBuf, options: Options) -> Outcome<Fabric> {
+    fn from_text(py: Python<'_>, text: &str, name: &str, folder: PathBuf, options: SurfaceOptions) -> Outcome<Fabric> {
         let options = options.options()?;
         let folder = Folder::new(folder).anywhere();
         py.detach(|| Fabric::from_loaded(FabricSpec::load_with(text, name, &folder, &model_library())?, &options))

@@ -6,7 +6,7 @@ use numpy::IntoPyArray;
 use plywave::FabricQuery;
 use plywave::cloth::ClothSurface;
 use plywave::color::AlbedoCurve;
-use plywave::fabric::{Channels, ColorOf, FabricBsdf, YarnColor};
+use plywave::fabric::{Channels, ColorOf, FabricBsdf, FabricOptions, GapLight, Slits, YarnColor};
 use pyo3::prelude::*;
 
 /// The queries of a call, as flat arrays.
@@ -52,8 +52,49 @@ pub(crate) fn color_of(name: &str) -> Outcome<ColorOf> {
     })
 }
 
+/// How a cloth is shaded.
+#[derive(FromPyObject)]
+#[pyo3(from_item_all)]
+pub(crate) struct SurfaceOptions {
+    gaps: String,
+    sigma_per_um: Option<f32>,
+    noise: bool,
+    layers: bool,
+    shadowing: bool,
+    edges: bool,
+    slits: Option<(f32, f32)>,
+    far: bool,
+}
+
+impl SurfaceOptions {
+    pub(crate) fn options(&self) -> Outcome<FabricOptions> {
+        let gaps = match self.gaps.as_str() {
+            "diffracted" => GapLight::Diffracted,
+            "straight" => GapLight::Straight,
+            other => {
+                return Err(Failure::input(
+                    "options",
+                    "gaps",
+                    format!("{other:?}"),
+                    "use \"diffracted\" or \"straight\"",
+                ));
+            }
+        };
+        Ok(FabricOptions {
+            gaps,
+            sigma_per_um: sigma_of_options(self.sigma_per_um)?,
+            noise: self.noise,
+            layers: self.layers,
+            shadowing: self.shadowing,
+            edges: self.edges,
+            slits: self.slits.map(|(width_um, share)| Slits { width_um, share }),
+            far: self.far,
+        })
+    }
+}
+
 /// An absorption [1/um] of the options for all yarns.
-pub(crate) fn sigma_of_options(sigma: Option<f32>) -> Outcome<Option<f32>> {
+fn sigma_of_options(sigma: Option<f32>) -> Outcome<Option<f32>> {
     match sigma {
         Some(sigma) if !(0.0..=1e6).contains(&sigma) => {
             Err(Failure::input("options", "sigma_per_um", sigma, "must be 0 to 1e6, in 1/um"))

@@ -103,6 +103,12 @@ fn arrays<'py>(
     Ok(all)
 }
 
+/// What gaps do, and slits in place of those of the spec.
+fn parts(diffracted: bool, slits: bool) -> (GapLight, Option<Slits>) {
+    let gaps = if diffracted { GapLight::Diffracted } else { GapLight::Straight };
+    (gaps, if slits { None } else { Some(Slits::NONE) })
+}
+
 /// A cloth as `plywave.mitsuba` loads it.
 #[pyclass(frozen, module = "plywave._plywave")]
 pub struct ClothTables {
@@ -116,18 +122,22 @@ impl ClothTables {
     /// Of a cloth's file, or of its spec (.toml), whose cloth is looked up in the user's cache, or made and
     /// kept there.
     #[new]
-    #[pyo3(signature = (filename, layers = true, shadowing = true, edges = true, speckle = false, far = false))]
+    #[pyo3(signature = (filename, diffracted = true, layers = true, shadowing = true, edges = true, slits = true, speckle = false, far = false))]
     #[allow(clippy::fn_params_excessive_bools)]
     fn new(
         py: Python<'_>,
         filename: String,
+        diffracted: bool,
         layers: bool,
         shadowing: bool,
         edges: bool,
+        slits: bool,
         speckle: bool,
         far: bool,
     ) -> PyResult<Self> {
-        let options = FabricOptions { noise: speckle, layers, shadowing, edges, far, ..FabricOptions::SMOOTH };
+        let (gaps, slits) = parts(diffracted, slits);
+        let options =
+            FabricOptions { gaps, noise: speckle, layers, shadowing, edges, slits, far, ..FabricOptions::SMOOTH };
         let load = || -> Result<(ClothModel, Vec<String>), Error> {
             if !filename.ends_with(".toml") {
                 return Ok((ClothModel::load(filename, &options)?, Vec::new()));
@@ -221,8 +231,7 @@ impl FabricTables {
         speckle: bool,
         far: bool,
     ) -> PyResult<Self> {
-        let gaps = if diffracted { GapLight::Diffracted } else { GapLight::Straight };
-        let slits = if slits { None } else { Some(Slits::NONE) };
+        let (gaps, slits) = parts(diffracted, slits);
         let options =
             FabricOptions { gaps, noise: speckle, layers, shadowing, edges, slits, far, ..FabricOptions::SMOOTH };
         let folder = folder.to_string();

@@ -143,7 +143,8 @@ def test_queries_broadcast_and_do_not_depend_on_threads(jersey):
 
 def test_light_is_kept(jersey, voile):
     for cloth in (jersey, voile):
-        clear = plywave.Cloth.from_bytes(cloth.to_bytes(), sigma_per_um=0.0)
+        diffracted = plywave.Cloth.from_bytes(cloth.to_bytes(), sigma_per_um=0.0)
+        clear = plywave.Cloth.from_bytes(cloth.to_bytes(), sigma_per_um=0.0, gaps="straight")
         at, wo, _ = queries(3000)
         wo[:, 2] = np.copysign(np.maximum(abs(wo[:, 2]), 0.3), wo[:, 2])
         wo /= np.linalg.norm(wo, axis=-1, keepdims=True)
@@ -159,6 +160,7 @@ def test_light_is_kept(jersey, voile):
         assert np.allclose(chances.scattered + chances.straight + chances.absorbed, 1.0, atol=1e-4)
         gaps = clear.is_gap(at, wo)
         assert gaps.dtype == bool and 0.0 < gaps.mean() < 0.6 and np.allclose(clear.straight(at, wo, 0.55)[gaps], 1.0)
+        assert (diffracted.straight(at, wo, 0.55)[gaps] == 0.0).all() and np.allclose(diffracted.albedo(at, wo, 0.55)[gaps], 1.0)
         assert (samples.event[gaps] == plywave.STRAIGHT).all() and np.allclose(samples.w[gaps], -wo[gaps], atol=1e-6)
 
 
@@ -175,7 +177,7 @@ def test_footprints_give_the_mean_over_the_cell(jersey, pwc):
 def test_options_change_what_they_should(jersey, pwc):
     at, wo, wi = queries(2000, seed=4)
     usual = jersey.eval(at, wo, wi)
-    for option in ({"layers": False}, {"shadowing": False}, {"edges": False}, {"sigma_per_um": 0.01}):
+    for option in ({"layers": False}, {"shadowing": False}, {"edges": False}, {"gaps": "straight"}, {"slits": plywave.Slit(0.6, 0.25)}, {"sigma_per_um": 0.01}):
         assert not np.allclose(plywave.Cloth(pwc, **option).eval(at, wo, wi), usual), option
 
 
@@ -230,6 +232,8 @@ def test_bad_files_and_specs_are_refused_in_one_line(pwc, tmp_path):
         (lambda: plywave.Cloth.from_bytes(bytes(newer), "newer.pwc"), "newer.pwc.*version"),
         (lambda: plywave.Cloth.from_bytes(b"", "empty.pwc"), "empty.pwc"),
         (lambda: plywave.Cloth.from_bytes(data, sigma_per_um=float("nan")), "sigma_per_um"),
+        (lambda: plywave.Cloth.from_bytes(data, gaps="open"), "gaps.*use \"diffracted\" or \"straight\""),
+        (lambda: plywave.Cloth.from_bytes(data, slits=3), "slits: int: give a Slit"),
         (lambda: plywave.Cloth(tmp_path / "no.toml"), "no.toml"),
         (lambda: plywave.Cloth(yarn, folder=tmp_path), "cotton_single"),
         (lambda: plywave.Cloth({**VOILE, "warp": {**YARN, "model": 3}}), "cloth spec"),

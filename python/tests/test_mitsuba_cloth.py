@@ -17,13 +17,15 @@ import plywave  # noqa: E402
 import plywave.mitsuba  # noqa: E402  (registers the plugins)
 from plywave.mitsuba import _native  # noqa: E402
 
-from test_mitsuba import arrays, close, directions, interaction, scene, variable  # noqa: E402
+from test_mitsuba import answers, arrays, close, directions, hold_gradient_of_picture, hold_gradients_by_scale, interaction, variable  # noqa: E402
 
 CLOTHS = pathlib.Path(__file__).resolve().parents[2] / "fabrics" / "cloths"
 FOLDER = tempfile.TemporaryDirectory()
 QUERIES = 100_000
 #: A knit of one kind of yarns; a thin plain weave of two; a basket of twisted plies.
 NAMES = ("jersey", "organza", "hopsack")
+#: A place of the organza in a gap [um].
+GAP = (0.0, 0.0)
 
 
 @pytest.fixture(autouse=True)
@@ -44,8 +46,25 @@ def woven(program):
     return make
 
 
+@pytest.fixture(scope="session")
+def striped(program):
+    """An organza of a warp of three colors, with slits in its weft."""
+    text = (CLOTHS / "organza.toml").read_text().replace('"plies/', f'"{CLOTHS}/plies/')
+    color = "srgb = [0.85, 0.78, 0.66]"
+    stripes = "stripes = [{ count = 2, srgb = [0.6, 0.1, 0.1] }, { count = 1, srgb = [0.1, 0.2, 0.6] }, { count = 2, srgb = [0.8, 0.8, 0.7] }]"
+    first, second, last = text.split(color)
+    spec, out = (os.path.join(FOLDER.name, f"striped.{end}") for end in ("toml", "pwc"))
+    pathlib.Path(spec).write_text(f"{first}{stripes}{second}{color}\nslit_um = 0.6{last}")
+    subprocess.run([program, "weave", spec, "-o", out, "-q"], check=True)
+    return out
+
+
 def cloth(filename, **keys):
-    return mi.load_dict({"type": "plywave_cloth", "filename": filename, "um_per_uv": 1.0, **keys})
+    return mi.load_dict({"type": "plywave_cloth", "filename": filename, "um_per_uv": 1.0, "gaps": "straight", **keys})
+
+
+def library(filename, **keys):
+    return _native.ClothTables(filename, keys.pop("gaps", "straight") == "diffracted", **keys)
 
 
 @pytest.mark.parametrize(
@@ -58,12 +77,8 @@ def test_cloth_is_the_librarys(name, keys, share, woven):
     rng, n = np.random.default_rng(3), QUERIES
     position = rng.uniform(-3000, 3000, (n, 2)).astype(np.float32)
     wo, wi = directions(rng, n), directions(rng, n)
-    f, pdf, straight = _native.ClothTables(woven(name), **keys).eval_pdf(position, wo, wi)
-    bsdf = cloth(woven(name), **keys)
-    si = interaction(n, mi.Point2f(position.T.copy()), mi.Vector3f(wo.T.copy()))
-    got, density = bsdf.eval_pdf(mi.BSDFContext(), si, mi.Vector3f(wi.T.copy()))
-    got, density, passes = arrays(got, density, bsdf.eval_null_transmission(si))
-    got, passes = got.T, passes[0]
+    f, pdf, straight = library(woven(name), **keys).eval_pdf(position, wo, wi)
+    got, density, passes = answers(cloth(woven(name), **keys), position, wo, wi)
     for what, a, b in (("f", got, f), ("pdf", density, pdf)):
         error = np.abs(a - b) / np.maximum(np.abs(b), 1e-3)
         print(f"{name}, {what}: beyond 1e-4, 1e-3, 1e-2: {[float((error > e).mean()) for e in (1e-4, 1e-3, 1e-2)]}")
@@ -75,39 +90,75 @@ def test_cloth_is_the_librarys(name, keys, share, woven):
 
 
 @pytest.mark.parametrize("name", ["jersey", "organza"])
+def test_light_of_gaps_is_the_librarys(name, woven):
+    """Of lines that hit no ply, in directions of which half lie about the straight one, where it peaks within a few hundredths."""
+    rng, n = np.random.default_rng(9), QUERIES
+    position = rng.uniform(-3000, 3000, (n, 2)).astype(np.float32)
+    wo, wi = directions(rng, n), directions(rng, n)
+    wi[: n // 2] = -wo[: n // 2] + 0.04 * rng.normal(size=(n // 2, 3))
+    wi = np.ascontiguousarray(wi / np.linalg.norm(wi, axis=1)[:, None], np.float32)
+    alone = {"layers": False, "shadowing": False, "gaps": "diffracted"}
+    f, pdf, straight = library(woven(name), **alone).eval_pdf(position, wo, wi)
+    got, density, passes = answers(cloth(woven(name), **alone), position, wo, wi)
+    without = library(woven(name)).eval_pdf(position, wo, wi)[2]
+    gaps = without == 1.0
+    assert gaps.mean() > 0.03 and (straight[gaps] == 0.0).all() and (passes[gaps] == 0.0).mean() > 0.999
+    close("f", got[gaps], f[gaps], tolerance=1e-3, share=1e-2)
+    close("f", got[gaps], f[gaps], tolerance=5e-2, share=2e-3)
+    close("pdf", density[gaps], pdf[gaps], tolerance=1e-3, share=1e-2)
+    assert abs(got[gaps].mean(dtype=np.float64) / f[gaps].mean(dtype=np.float64) - 1.0) < 1e-3
+
+
+def test_stripes_and_slits_are_the_librarys(striped):
+    rng, n = np.random.default_rng(10), QUERIES
+    position = rng.uniform(-30_000, 30_000, (n, 2)).astype(np.float32)
+    wo, wi = directions(rng, n), directions(rng, n)
+    tables, bsdf = library(striped), cloth(striped)
+    f, pdf, _ = tables.eval_pdf(position, wo, wi)
+    got, density, _ = answers(bsdf, position, wo, wi)
+    close("f", got, f, tolerance=1e-3, share=1.5e-2)
+    close("pdf", density, pdf, tolerance=1e-3, share=1.5e-2)
+    assert abs(got.mean(dtype=np.float64) / f.mean(dtype=np.float64) - 1.0) < 1e-3
+    plain = library(striped, slits=False).eval_pdf(position, wo, wi)[0]
+    assert (np.abs(plain - f).max(1) > 1e-3).mean() > 0.05
+    far = {"far": True, "footprint_um": 1e5}
+    f = library(striped, far=True).eval_pdf(position[:2000], wo[:2000], wi[:2000], footprint_um=1e5)[0]
+    close("f", answers(cloth(striped, **far), position[:2000], wo[:2000], wi[:2000])[0], f, tolerance=1e-3, share=2e-3)
+
+
+@pytest.mark.parametrize("name", ["jersey", "organza"])
 def test_far_view_is_the_librarys(name, woven):
     """The mean over the cell, and between it and the point."""
     rng, n = np.random.default_rng(4), 20_000
     position = rng.uniform(-3000, 3000, (n, 2)).astype(np.float32)
     wo, wi = directions(rng, n), directions(rng, n)
-    tables = _native.ClothTables(woven(name), far=True)
+    keys = {"far": True, "gaps": "diffracted" if name == "organza" else "straight"}
+    tables = library(woven(name), **keys)
     longest = max(np.hypot(*v) for v in tables.tensors()["cell_um"])
-    for footprint, share in ((0.8 * longest, 2e-2), (2.0 * longest, 1e-3)):
+    for footprint, share in ((0.8 * longest, 2e-2), (2.0 * longest, 2e-3 if name == "organza" else 1e-3)):
         f, pdf, straight = tables.eval_pdf(position, wo, wi, footprint_um=float(footprint))
-        bsdf = cloth(woven(name), far=True, footprint_um=float(footprint))
-        si = interaction(n, mi.Point2f(position.T.copy()), mi.Vector3f(wo.T.copy()))
-        got, density = bsdf.eval_pdf(mi.BSDFContext(), si, mi.Vector3f(wi.T.copy()))
-        got, density, passes = arrays(got, density, bsdf.eval_null_transmission(si))
-        close("f", got.T, f, tolerance=1e-3, share=share)
+        bsdf = cloth(woven(name), **keys, footprint_um=float(footprint))
+        got, density, passes = answers(bsdf, position, wo, wi)
+        close("f", got, f, tolerance=1e-3, share=share)
         close("pdf", density, pdf, tolerance=1e-3, share=share)
-        assert (np.abs(passes[0] - straight) > 1e-3).mean() <= share
+        assert (np.abs(passes - straight) > 1e-3).mean() <= share
     assert not bsdf.flags() & 0x20000 and cloth(woven(name), far=True).flags() & 0x20000
 
 
-@pytest.mark.parametrize("wi", [(0.3, 0.2, 0.9), (0.8, 0.1, -0.2)])
-def test_samples_have_their_density(wi, woven):
+@pytest.mark.parametrize("wi, at", [((0.3, 0.2, 0.9), (60.0, 33.0)), ((0.8, 0.1, -0.2), (60.0, 33.0)), ((0.1, 0.05, 0.99), GAP)])
+def test_samples_have_their_density(wi, at, woven):
     from mitsuba.chi2 import ChiSquareTest, SphericalDomain
 
-    bsdf, context, null = cloth(woven("organza")), mi.BSDFContext(), int(mi.BSDFFlags.Null)
+    bsdf, context, null = cloth(woven("organza"), gaps="diffracted"), mi.BSDFContext(), int(mi.BSDFFlags.Null)
     wi = variable(wi)
 
     def sample(u, *_):
-        si = interaction(dr.width(u), mi.Point2f(60.0, 33.0), wi)
+        si = interaction(dr.width(u), mi.Point2f(*at), wi)
         bs, _ = bsdf.sample(context, si, u.x, mi.Point2f(u.y, u.z))
         return bs.wo, dr.select((bs.pdf > 0) & (bs.sampled_type != null), 1.0, 0.0)
 
     def pdf(wo, *_):
-        return bsdf.pdf(context, interaction(dr.width(wo), mi.Point2f(60.0, 33.0), wi), wo)
+        return bsdf.pdf(context, interaction(dr.width(wo), mi.Point2f(*at), wi), wo)
 
     test = ChiSquareTest(SphericalDomain(), sample, pdf, sample_dim=3, sample_count=500_000, res=101, ires=24)
     assert test.run(0.01 / 10), test.messages
@@ -116,7 +167,7 @@ def test_samples_have_their_density(wi, woven):
 def test_weights_are_f_over_pdf_and_keep_energy(woven):
     """Clear fibers under even light are as bright as what is around them, seen from any side."""
     rng, n = np.random.default_rng(5), 400_000
-    for name, white in (("jersey", {"sigma_per_um": 0.0}), ("organza", {"warp_sigma_per_um": 0.0, "weft_sigma_per_um": 0.0})):
+    for name, white in (("jersey", {"sigma_per_um": 0.0, "gaps": "diffracted"}), ("organza", {"warp_sigma_per_um": 0.0, "weft_sigma_per_um": 0.0})):
         bsdf, context = cloth(woven(name), **white), mi.BSDFContext()
         si = interaction(n, mi.Point2f(rng.uniform(-1500, 1500, (2, n)).astype(np.float32)), mi.Vector3f(directions(rng, n).T.copy()))
         u = rng.random((3, n), dtype=np.float32)
@@ -150,74 +201,36 @@ def test_colors_are_those_of_the_library(woven):
     rng, n = np.random.default_rng(6), 2000
     position = rng.uniform(-3000, 3000, (n, 2)).astype(np.float32)
     wo, wi = directions(rng, n), directions(rng, n)
-    tables, both = _native.ClothTables(woven("organza")), [[0.001, 0.004, 0.02], [0.0, 0.05, 0.3]]
+    tables, both = library(woven("organza")), [[0.001, 0.004, 0.02], [0.0, 0.05, 0.3]]
     f, _, _ = tables.eval_pdf(position, wo, wi, sigma_per_um=both)
     rgb = lambda sigma: {"type": "rgb", "value": sigma}
     bsdf = cloth(woven("organza"), warp_sigma_per_um=rgb(both[0]), weft_sigma_per_um=rgb(both[1]))
-    si = interaction(n, mi.Point2f(position.T.copy()), mi.Vector3f(wo.T.copy()))
-    (got,) = arrays(bsdf.eval(mi.BSDFContext(), si, mi.Vector3f(wi.T.copy())))
-    close("f", got.T, f, tolerance=2e-3, share=2e-2)
+    close("f", answers(bsdf, position, wo, wi)[0], f, tolerance=2e-3, share=2e-2)
     one, two = (cloth(woven("organza"), **keys) for keys in ({"color": 0.4}, {"warp_color": 0.4, "weft_color": 0.4}))
-    a, b = (arrays(of.eval(mi.BSDFContext(), si, mi.Vector3f(wi.T.copy())))[0] for of in (one, two))
-    assert np.array_equal(a, b)
+    assert np.array_equal(*(answers(of, position, wo, wi)[0] for of in (one, two)))
 
 
 def test_gradients_are_differences(woven):
-    """Of a rendered picture with respect to an absorption, through Mitsuba's calls."""
-    keys = lambda: {"type": "plywave_cloth", "filename": woven("jersey"), "um_per_uv": 2e4, "sigma_per_um": {"type": "rgb", "value": [0.004] * 3}}
-    key = "cloth.bsdf.sigma_per_um.value"
-    rendered = scene(keys())
-    params = mi.traverse(rendered)
-    dr.enable_grad(params[key])
-    params.update()
-    dr.backward(dr.mean(mi.render(rendered, params, spp=16)))
-    got, values = np.array(dr.grad(params[key])).ravel()[0], []
-    for step in (2e-4, -2e-4):
-        rendered = scene(keys())
-        params = mi.traverse(rendered)
-        params[key] = mi.Color3f(0.004 + step, 0.004, 0.004)
-        params.update()
-        values.append(np.array(mi.render(rendered, spp=16)).mean(dtype=np.float64))
-    want = (values[0] - values[1]) / 4e-4
-    assert abs(got / want - 1.0) < 1e-2, f"{got}, by differences {want}"
+    keys = {"type": "plywave_cloth", "filename": woven("jersey"), "um_per_uv": 2e4}
+    hold_gradient_of_picture(lambda: {**keys, "sigma_per_um": {"type": "rgb", "value": [0.004] * 3}}, "cloth.bsdf.sigma_per_um.value")
+
+
+def choices(bsdf, si):
+    """What jumps with the place: the pieces of curve that are hit, the class of their light between plies, the block of the table that their lobes are of."""
+    at, out = bsdf.walked(si, mi.Bool(True)), []
+    for i in range(len(at["kept"]["piece"])):
+        here, where = at["count"] > i, {key: at["kept"][key][i] for key in bsdf.cloth.WHERE}
+        hit = bsdf.cloth.hit_at(where, *at["line"])
+        cell = bsdf.cloth.plies._cell(bsdf.cloth.model_of(hit), hit["theta_i"], hit["h"])
+        for x in (where["piece"], at["kept"]["class"][i], cell["high"]):
+            out.append(dr.select(here, mi.Int(x), -1))
+    return np.stack([np.broadcast_to(x, dr.width(si)) for x in arrays(*out)])
 
 
 def test_gradients_by_the_scale_are_differences(woven):
-    """Of f's mean by either scale of uv, over the points at which the same plies are met one step on either side; to 1e-2 of the gradient's length."""
     bsdf = cloth(woven("hopsack"))
-    params, n, step = mi.traverse(bsdf), QUERIES, 5e-4
-    uv = np.random.default_rng(5).uniform(0.0, 0.2 * bsdf.longest_um, (2, n)).astype(np.float32)
-    si = interaction(n, mi.Point2f(uv), dr.normalize(mi.Vector3f(0.3, 0.2, 0.9)))
-    wo = dr.normalize(mi.Vector3f(-0.4, 0.1, 0.8))
-
-    def at(scale):
-        params["um_per_uv"] = mi.Point2f(*scale)
-        params.update()
-        walked, out = bsdf.walked(si, mi.Bool(True)), []
-        for i in range(len(walked["kept"]["piece"])):
-            here, where = walked["count"] > i, {key: walked["kept"][key][i] for key in bsdf.cloth.WHERE}
-            hit = bsdf.cloth.hit_at(where, *walked["line"])
-            cell = bsdf.cloth.plies._cell(bsdf.cloth.model_of(hit), hit["theta_i"], hit["h"])
-            for x in (where["piece"], walked["kept"]["class"][i], cell["high"]):
-                out.append(dr.select(here, mi.Int(x), -1))
-        chosen = np.stack([np.broadcast_to(x, n) for x in arrays(*out)])
-        return arrays(bsdf.eval(mi.BSDFContext(), si, wo))[0].astype(np.float64).mean(0), chosen
-
-    (_, first), ends = at((1.0, 1.0)), [[at(scale) for scale in ((a, 1.0), (1.0, a))] for a in (1.0 + step, 1.0 - step)]
-    gots, wants = [], []
-    for (above, chosen_above), (below, chosen_below), axis in zip(*ends, (0, 1)):
-        same = (first == chosen_above).all(0) & (first == chosen_below).all(0)
-        assert same.mean() > 0.95
-        wants.append(np.where(same, above - below, 0.0).mean() / (2.0 * step))
-        scale = mi.Point2f(1.0, 1.0)
-        dr.enable_grad(scale)
-        params["um_per_uv"] = scale
-        params.update()
-        dr.backward(dr.mean(dr.select(mi.Bool(same), bsdf.eval(mi.BSDFContext(), si, wo), 0.0), axis=None))
-        gots.append(float(arrays(dr.grad(params["um_per_uv"]))[0].ravel()[axis]))
-        print(f"{'uv'[axis]}: {gots[-1]:.6g}, by differences {wants[-1]:.6g}, {100.0 * same.mean():.2f} % of the points")
-    assert np.hypot(*wants) > 1e-3
-    assert np.hypot(*np.subtract(gots, wants)) < 1e-2 * np.hypot(*wants), f"{gots}, by differences {wants}"
+    uv = np.random.default_rng(5).uniform(0.0, 0.2 * bsdf.longest_um, (2, QUERIES))
+    hold_gradients_by_scale("hopsack", bsdf, choices, uv, (-0.4, 0.1, 0.8), 0.95)
 
 
 def test_bad_keys_are_told(woven, tmp_path):
@@ -230,7 +243,7 @@ def test_bad_keys_are_told(woven, tmp_path):
         ({"filename": str(short)}, "short.pwc"),
         ({"filename": str(CLOTHS / "plies" / "cotton_single.pwm")}, "cotton_single.pwm"),
         ({"filename": jersey, "layer": True}, "layer: unknown key: did you mean 'layers'?"),
-        ({"filename": jersey, "gaps": "straight"}, "gaps: unknown key"),
+        ({"filename": jersey, "gaps": "open"}, "gaps: 'open': expected"),
         ({"filename": jersey, "speckle": True}, "no model of the cloth has speckle noise"),
         ({"filename": jersey, "footprint_um": 3.0}, "footprint_um: given without far"),
         ({"filename": jersey, "warp_color": 0.5}, "warp_color: all yarns of this cloth are alike: use 'color'"),

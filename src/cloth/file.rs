@@ -4,7 +4,7 @@ use super::shade::ClothShadows;
 use super::{ClothCurves, ClothYarn, PlyCurve};
 use crate::fabric::FabricOptions;
 use crate::fabric::between::{CLASSES, CLASSES_A_KIND, FEW, InterYarn, PAIRS, SIGMAS, Side, TERMS};
-use crate::fabric::far::{COLUMNS, FarData, NODES, Runs, VIEWS};
+use crate::fabric::far::{COLUMNS, FarData, NODES, OPENING_NUMBERS, Runs, VIEWS};
 use crate::fabric::shadow::{self, LANES, ROWS};
 use crate::fabric::splines::COUNT;
 use crate::io::{Axis, Check, Document, FileKind, Provenance, Reader, Writer, document, invalid};
@@ -31,6 +31,9 @@ pub struct ClothData {
     pub curves: ClothCurves,
     /// Model of each kind of yarn, [in single lines](PlyModel::of_lines).
     pub models: Vec<Arc<PlyModel>>,
+    /// By kind of yarn, colors [sRGB, 0 to 1] of the yarns by their number, which repeat; none where the spec
+    /// has one for all.
+    pub colors: [Vec<[f32; 3]>; 2],
     pub(crate) shadows: ClothShadows,
     pub(crate) between: InterYarn,
     pub(crate) far: Option<FarData>,
@@ -42,6 +45,7 @@ pub(crate) struct Keys {
     cell_um: [[f64; 2]; 2],
     yarns: Vec<ClothYarn>,
     curves: Vec<CurveKeys>,
+    colors: [Vec<[f32; 3]>; 2],
 }
 
 /// A curve without its control points, which are rows of the tensor `control_um`.
@@ -94,13 +98,18 @@ impl ClothData {
         self.far.is_some()
     }
 
+    /// Names of its plies, by kind of yarn.
+    pub fn ply_names(&self) -> Vec<String> {
+        let name = |text: &str| YarnSpec::parse(text, "model").map_or_else(|_| "a ply".into(), |spec| spec.name);
+        self.models.iter().map(|model| name(&model.data().spec_text)).collect()
+    }
+
     /// Effects that these options ask of it and that it does not have, one note a line: speckle of models
     /// without noise, the mean over the cell.
     pub fn notes(&self, options: &FabricOptions) -> Vec<String> {
         let mut notes = Vec::new();
-        let smooth = self.models.iter().filter(|model| options.noise && model.data().noise.is_none());
-        for model in smooth {
-            let ply = YarnSpec::parse(&model.data().spec_text, "model").map_or_else(|_| "a ply".into(), |s| s.name);
+        let plies = self.models.iter().zip(self.ply_names());
+        for (_, ply) in plies.filter(|(model, _)| options.noise && model.data().noise.is_none()) {
             let note = format!("{ply} has no speckle noise and stays smooth; `plywave noise` adds it");
             if !notes.contains(&note) {
                 notes.push(note);
@@ -137,6 +146,7 @@ impl Document for ClothData {
             "far_f",
             "far_first",
             "far_passing",
+            "far_openings",
         ];
         [&tables[..], &MODELS].concat()
     }
@@ -159,7 +169,12 @@ impl Document for ClothData {
             points: c.control_um.len(),
             places,
         });
-        Ok(Keys { cell_um: self.curves.cell_um, yarns: self.curves.yarns.clone(), curves: curves.collect() })
+        Ok(Keys {
+            cell_um: self.curves.cell_um,
+            yarns: self.curves.yarns.clone(),
+            curves: curves.collect(),
+            colors: self.colors.clone(),
+        })
     }
 
     fn summary(&self) -> (Vec<Axis>, serde_json::Value) {
@@ -193,6 +208,8 @@ impl Document for ClothData {
             let first = far.first.as_flattened().as_flattened().iter().copied();
             w.f32("far_first", &[kinds, VIEWS, CLASSES_A_KIND, SIGMAS], first);
             w.f32("far_passing", &[VIEWS], far.passing.iter().copied());
+            let openings = FarData::opening_numbers(&far.openings).into_iter().map(|n| n as f32);
+            w.f32("far_openings", &[VIEWS, OPENING_NUMBERS], openings);
         }
     }
 
@@ -242,8 +259,13 @@ impl Document for ClothData {
             let f = rows(r.f16("far_f", &[kinds, VIEWS, COLUMNS, NODES, SIGMAS])?);
             let first = rows::<SIGMAS>(r.f32("far_first", &[kinds, VIEWS, CLASSES_A_KIND, SIGMAS])?);
             let passing = r.f32("far_passing", &[VIEWS])?;
+            let numbers: Vec<u32> =
+                r.f32("far_openings", &[VIEWS, OPENING_NUMBERS])?.into_iter().map(|n| n as u32).collect();
+            let openings = FarData::openings_of(&numbers).ok_or_else(|| {
+                invalid(r.file(), "far_openings", "(other numbers)", "expected a count and numbers of spectra")
+            })?;
             // How yarns run is found with the curves.
-            Some(FarData::of([Runs::AlongY; 2], f, first.as_chunks().0.to_vec(), passing))
+            Some(FarData { runs: [Runs::AlongY; 2], f, first: first.as_chunks().0.to_vec(), passing, openings })
         } else {
             None
         };
@@ -253,6 +275,7 @@ impl Document for ClothData {
             program_version: p.program_version,
             curves,
             models,
+            colors: keys.colors.clone(),
             shadows,
             between,
             far,
@@ -265,6 +288,7 @@ impl Document for ClothData {
         for (key, model) in MODELS.into_iter().zip(&self.models) {
             model.data().check(&format!("{name} ({key})"))?;
         }
+        c.range_f32("colors", self.colors.concat().as_flattened(), 0.0, 1.0)?;
         super::ClothSpec::parse(&self.spec_text, &format!("{name} (its spec)"))?;
         for side in &self.between.sides {
             c.range_f32("between_caught", side.caught.as_flattened().as_flattened(), -1e3, 1e3)?;

@@ -1,8 +1,8 @@
 //! A grid over the cell and the thickness of a cloth that lists the pieces of its curves.
 //!
 //! Curves are cut into pieces of some 1.5 R, each a cubic with the curve's points and tangents at its ends.
-//! Each voxel of the grid has the pieces whose plies reach into it, in blocks of lanes: where plies are as
-//! dense as in a close cloth, some six.
+//! Each voxel of the grid has the pieces whose plies reach into it or come near it, in blocks of lanes: where
+//! plies are as dense as in a close cloth, some six.
 
 use super::{ClothCurves, Lattice};
 use crate::Result;
@@ -70,11 +70,11 @@ pub(super) struct Grid {
 }
 
 impl Grid {
-    /// Of a cloth that was checked.
+    /// Of a cloth that was checked, for lines that come within `beside_um` of its plies.
     ///
     /// # Errors
     /// [`crate::Error::Invalid`] for curves that are millions of radii long.
-    pub fn new(cloth: &ClothCurves, whole: &Lattice) -> Result<Grid> {
+    pub fn new(cloth: &ClothCurves, whole: &Lattice, beside_um: f64) -> Result<Grid> {
         let (reduced, steps) = whole.reduced();
         let lattice = &reduced;
         let mean = cloth.curves.iter().map(|c| c.radius_um).sum::<f64>() / cloth.curves.len() as f64;
@@ -102,7 +102,7 @@ impl Grid {
                         dot(off, off).sqrt()
                     })
                     .fold(0.0, f64::max);
-                let reach = curve.radius_um + 1.05 * sag + 1e-3 * curve.radius_um;
+                let reach = beside_um + curve.radius_um + 1.05 * sag + 1e-3 * curve.radius_um;
                 half = half.max(p[2].abs() + reach);
                 pieces.push(Piece { curve: index as u32, from: u as f32, to: v as f32 });
                 let [d, e] = [u, v].map(|at| curve.at(whole, at).d_um.map(|d| d * (v - u)));

@@ -29,7 +29,7 @@ const BEYOND: f32 = 3.0;
 /// A ply that a line hits.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct LineHit {
-    /// Curve, and the cell of its image.
+    /// Curve.
     pub curve: u32,
     /// Cell of the image, in vectors.
     pub cells: [i32; 2],
@@ -151,7 +151,7 @@ impl ClothLines {
     pub fn new(cloth: &ClothCurves) -> Result<ClothLines> {
         cloth.check("cloth")?;
         let lattice = cloth.lattice("cloth")?;
-        let grid = Grid::new(cloth, &lattice)?;
+        let grid = Grid::new(cloth, &lattice, 0.0)?;
         let splines = cloth.curves.iter().map(|curve| {
             let n = curve.control_um.len();
             let way = lattice.vector(curve.shift);
@@ -242,7 +242,7 @@ impl ClothLines {
     /// the way to their walls; `hits` is emptied first. A ply within which the line starts counts if the
     /// line is nearest to its axis further on.
     pub fn hits(&self, from: [f32; 3], w: [f32; 3], hits: &mut LineHits) {
-        walk(self, from, w, hits, |_| 1.0);
+        self.hits_while(from, w, hits, |_| 1.0);
     }
 
     /// As [`ClothLines::hits`], until hardly any light is left: `passes` says of a hit which share of it
@@ -252,27 +252,33 @@ impl ClothLines {
         from: [f32; 3],
         w: [f32; 3],
         hits: &mut LineHits,
-        passes: impl FnMut(&LineHit) -> f32,
+        mut passes: impl FnMut(&LineHit) -> f32,
     ) {
-        walk(self, from, w, hits, passes);
+        hits.count = 0;
+        visit(self, (&self.grid, 0.0), from, w, |hit| {
+            let passed = passes(&hit);
+            hits.add(hit);
+            passed
+        });
     }
 }
 
+/// Calls `each` for the plies of a grid within `beside_um` of the line from `from` [um] in direction `w`
+/// (unit), voxel by voxel, until hardly any light is left by the shares that `each` says pass.
 #[multiversion(targets(
     "x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+avx2+bmi1+bmi2+fma",
     "x86_64+avx2+bmi1+bmi2+fma"
 ))]
-fn walk<F: FnMut(&LineHit) -> f32>(
+pub(super) fn visit<F: FnMut(LineHit) -> f32>(
     cloth: &ClothLines,
+    (grid, beside_um): (&Grid, f32),
     from: [f32; 3],
     w: [f32; 3],
-    hits: &mut LineHits,
-    mut passes: F,
+    mut each: F,
 ) {
     const FMA: bool = target_cfg_f!(target_feature = "fma") || cfg!(target_arch = "aarch64");
-    hits.count = 0;
     // The way until the line has left the cloth, and the way to where it comes in.
-    let half = cloth.grid.half_thickness_um;
+    let half = grid.half_thickness_um;
     let per_z = 1.0 / if w[2].abs() < 1e-6 { 1e-6f32.copysign(w[2]) } else { w[2] };
     let [low, high] = [(-half - from[2]) * per_z, (half - from[2]) * per_z];
     let (begin, mut end) = (max(min(low, high), 0.0), max(low, high));
@@ -280,7 +286,6 @@ fn walk<F: FnMut(&LineHit) -> f32>(
         return;
     }
     // Voxels along the line.
-    let grid = &cloth.grid;
     let counts = grid.counts.map(|n| n as f32);
     let [x, y] = grid.inverse;
     let axes = [[x[0], x[1], 0.0], [y[0], y[1], 0.0], [0.0, 0.0, 0.5 / half]];
@@ -323,15 +328,15 @@ fn walk<F: FnMut(&LineHit) -> f32>(
                 }
                 let piece = &grid.pieces[block.piece[l] as usize];
                 let radius = cloth.splines[piece.curve as usize].radius;
-                if found.h2[l] >= radius * radius || found.way[l] < 0.0 || found.way[l] > stop {
+                let reach = radius + beside_um;
+                if found.h2[l] >= reach * reach || found.way[l] < 0.0 || found.way[l] > stop {
                     continue;
                 }
-                let mut hit = hit((piece, radius), &found, l, w);
+                let mut hit = hit((piece, radius, reach), &found, l, w);
                 let [i, j] = [0, 1].map(|k| i32::from(block.cells[l][k]) + cell[k]);
                 hit.cells = [0, 1].map(|k| i * grid.steps[0][k] + j * grid.steps[1][k]);
                 deepest = max(deepest, hit.nearest_um);
-                left *= passes(&hit);
-                hits.add(hit);
+                left *= each(hit);
             }
         }
         if left < MIN_LEFT && stop == f32::INFINITY {
@@ -363,7 +368,7 @@ fn walk<F: FnMut(&LineHit) -> f32>(
 
 /// The hit of a lane.
 #[inline(always)]
-fn hit((piece, radius): (&Piece, f32), near: &Found, l: usize, w: [f32; 3]) -> LineHit {
+fn hit((piece, radius, reach): (&Piece, f32, f32), near: &Found, l: usize, w: [f32; 3]) -> LineHit {
     let [p, d, dd] = [&near.point, &near.d, &near.dd].map(|of| [of[0][l], of[1][l], of[2][l]]);
     // At the end of the last step.
     let step = near.step[l];
@@ -371,7 +376,7 @@ fn hit((piece, radius): (&Piece, f32), near: &Found, l: usize, w: [f32; 3]) -> L
     let d: [f32; 3] = std::array::from_fn(|k| d[k] + step * dd[k]);
     let nearest = dot(p, w);
     let off: [f32; 3] = std::array::from_fn(|k| p[k] - nearest * w[k]);
-    let h2 = min(dot(off, off), radius * radius);
+    let h2 = min(dot(off, off), reach * reach);
     let speed2 = dot(d, d);
     let per = 1.0 / speed2.sqrt();
     let tangent = d.map(|d| d * per);
@@ -384,7 +389,7 @@ fn hit((piece, radius): (&Piece, f32), near: &Found, l: usize, w: [f32; 3]) -> L
         cells: [0; 2],
         parameter: piece.from + near.u[l] * knots,
         nearest_um: nearest,
-        enter_um: nearest - ((radius * radius - h2) / sine2).sqrt(),
+        enter_um: nearest - (max(radius * radius - h2, 0.0) / sine2).sqrt(),
         h_um: h2.sqrt().copysign(dot(off, across)),
         theta_i: min(max(-dot(w, tangent), -1.0), 1.0).asin(),
         tangent,

@@ -6,9 +6,9 @@ use super::follow::ClothPaths;
 use super::model::ClothModel;
 use super::plies::ClothPlies;
 use super::shade::ClothShadows;
-use crate::fabric::FabricOptions;
 use crate::fabric::between::InterYarn;
 use crate::fabric::far::FarData;
+use crate::fabric::{FabricOptions, GapLight};
 use crate::math::half::{from_half, to_half};
 use crate::{PlyModel, Result};
 use std::sync::Arc;
@@ -41,13 +41,15 @@ impl ClothData {
             program_version: env!("CARGO_PKG_VERSION").into(),
             curves: curves.clone(),
             models,
+            colors: Default::default(),
             shadows,
             between,
             far: None,
         };
         if has_far {
             told("mean over the cell")?;
-            let mut far = FarData::new(&ClothModel::from_data(data.clone(), &FabricOptions::RAYS)?);
+            let options = FabricOptions { gaps: GapLight::Diffracted, ..FabricOptions::RAYS };
+            let mut far = FarData::new(&ClothModel::from_data(data.clone(), &options)?);
             // As a file has it.
             far.f.as_flattened_mut().iter_mut().for_each(|f| *f = from_half(to_half(*f)));
             data.far = Some(far);

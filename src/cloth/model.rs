@@ -4,6 +4,8 @@
 //! As for a [`crate::FabricModel`], the query's `wo` is the direction to the viewer, and f(wi) holds the
 //! cosine at the surface.
 
+use super::dyes::Dyes;
+use super::gap::ClothGaps;
 use super::lines::{ClothLines, LineHit, LineHits};
 use super::plies::{ClothPlies, class, frame, passes, start};
 use super::shade::{ClothShade, ClothShadows};
@@ -12,14 +14,16 @@ use crate::color::AlbedoCurve;
 use crate::fabric::at::{FabricBsdf, NearPly, Passes, in_pattern};
 use crate::fabric::between::{CLASSES_A_KIND, InterYarn, SIGMA_PER_UM, SIGMAS};
 use crate::fabric::color_of;
-use crate::fabric::dye::{ColorReach, Dye, own_color};
+use crate::fabric::dye::{ColorReach, own_color};
 use crate::fabric::far::{self, Far, FarAt, FarData, Mixed, Places, Runs, Seen};
 use crate::fabric::hit::MAX_NEAR;
 use crate::fabric::shade::Shade;
 use crate::fabric::shadow::Toward;
-use crate::fabric::{Channels, ColorOf, FabricOptions, FabricQuery, YarnColor};
+use crate::fabric::{Channels, ColorOf, FabricOptions, FabricQuery, GapLight, Slits, YarnColor};
 use crate::fiber::Reflections;
+use crate::gap::{Opening, Slit};
 use crate::ply::{Prepared, UncachedPly};
+use crate::spec::{GaussianBeam, YarnSpec};
 use crate::speckle::Instance;
 use crate::{PlyModel, PlyQuery, Result};
 use std::path::Path;
@@ -37,14 +41,18 @@ pub struct ClothModel {
     /// Brightness of the cloth over absorption, and what it is the brightness of.
     pub(super) curve: AlbedoCurve,
     color_of: ColorOf,
-    /// By kind, what the reflections of its fibers absorb, if they are opaque; its color; the absorption that
-    /// gives it. Of a single kind twice.
+    /// By kind, what the reflections of its fibers absorb, if they are opaque, and the colors of its yarns.
+    /// Of a single kind twice.
     metals: [Option<Reflections>; 2],
-    colors: [YarnColor; 2],
-    pub(super) dyes: [Dye; 2],
+    colors: [Vec<YarnColor>; 2],
+    pub(super) dyes: Dyes,
     pub(super) options: FabricOptions,
     pub(super) shadows: ClothShadows,
     pub(super) between: InterYarn,
+    /// By kind.
+    pub(super) slits: [Option<Slit>; 2],
+    /// Of diffracted light.
+    pub(super) gaps: Option<Arc<ClothGaps>>,
     /// The mean over the cell.
     pub(super) far: Option<Arc<Far>>,
 }
@@ -81,21 +89,39 @@ impl ClothModel {
         let spec = ClothSpec::parse(&data.spec_text, "cloth (its spec)")?;
         let plies = ClothPlies::new(&data.curves, &data.models)?;
         let runs = plies.runs;
+        let beams = plies
+            .models
+            .iter()
+            .map(|model| Ok(YarnSpec::parse(&model.data().spec_text, "model (its spec)")?.beam.beam()));
+        let beams: Vec<GaussianBeam> = beams.collect::<Result<_>>()?;
+        let gaps = match options.gaps {
+            GapLight::Diffracted => Some(Arc::new(ClothGaps::new(&data.curves, &plies.lattice, &beams[0])?)),
+            GapLight::Straight => None,
+        };
         let curve = data.between.curve();
         let yarns = spec.yarns();
         let kind = |kind: usize| kind.min(plies.kinds - 1);
         let colors = [0, 1].map(|k| {
             let yarn = yarns.get(kind(k)).or(yarns.first());
             match (options.sigma_per_um, yarn.and_then(|y| y.srgb), yarn.and_then(|y| y.sigma_per_um)) {
-                (Some(sigma), ..) => YarnColor::Sigma(sigma),
-                (_, Some(srgb), _) => YarnColor::Srgb(srgb.map(|v| v as f32)),
-                (_, _, Some(sigma)) => YarnColor::Sigma(sigma as f32),
-                _ => YarnColor::Undyed,
+                (Some(sigma), ..) => vec![YarnColor::Sigma(sigma)],
+                (_, Some(srgb), _) => vec![YarnColor::Srgb(srgb.map(|v| v as f32))],
+                (_, _, Some(sigma)) => vec![YarnColor::Sigma(sigma as f32)],
+                _ if data.colors[kind(k)].is_empty() => vec![YarnColor::Undyed],
+                _ => data.colors[kind(k)].iter().map(|srgb| YarnColor::Srgb(*srgb)).collect(),
             }
         });
+        let slit = |k: usize| {
+            let yarn = yarns.get(kind(k)).or(yarns.first());
+            match options.slits_or(yarn.and_then(|yarn| yarn.slits())) {
+                Some(Slits { width_um, share }) => Slit::new(width_um, share, &beams[kind(k)]).map(Some),
+                None => Ok(None),
+            }
+        };
+        let slits = [slit(0)?, slit(1)?];
         let metals = [own_color(&plies.models[0])?, own_color(&plies.models[kind(1)])?];
         Ok(ClothModel {
-            dyes: [0, 1].map(|k| dye_of(colors[k], metals[k].as_ref(), &curve)),
+            dyes: Dyes::new(&colors, &metals, &curve),
             curve,
             color_of: ColorOf::EvenSky,
             metals,
@@ -104,6 +130,8 @@ impl ClothModel {
             options: *options,
             shadows: data.shadows,
             between: data.between,
+            slits,
+            gaps,
             far: data.far.filter(|_| options.far).map(|far| Arc::new(Far::of(FarData { runs, ..far }))),
         })
     }
@@ -117,16 +145,16 @@ impl ClothModel {
             other.curve = self.color_curve_of(of);
             other.color_of = of;
         }
-        other.colors = [0, 1].map(|kind: usize| colors[kind.min(self.kinds() - 1)]);
-        other.dyes = [0, 1].map(|k| dye_of(other.colors[k], other.metals[k].as_ref(), &other.curve));
+        other.colors = [0, 1].map(|kind: usize| vec![colors[kind.min(self.kinds() - 1)]]);
+        other.dyes = Dyes::new(&other.colors, &other.metals, &other.curve);
         other
     }
 
     /// Its colors in sRGB, each once, and what becomes of them.
     pub fn colors(&self) -> Vec<ColorReach> {
         let mut colors: Vec<[f32; 3]> = Vec::new();
-        for color in self.colors {
-            if let YarnColor::Srgb(srgb) = color
+        for color in self.colors.iter().flatten() {
+            if let YarnColor::Srgb(srgb) = *color
                 && !colors.contains(&srgb)
             {
                 colors.push(srgb);
@@ -169,7 +197,8 @@ impl ClothModel {
             + self.shadows.memory_bytes()
             + self.between.memory_bytes()
             + self.far.as_ref().map_or(0, |far| far.memory_bytes())
-            + self.dyes.iter().map(Dye::memory_bytes).sum::<usize>()
+            + self.gaps.as_ref().map_or(0, |gaps| gaps.memory_bytes())
+            + self.dyes.memory_bytes()
     }
 
     /// Brightness of the cloth over the absorption of its fibers, in the meaning of its colors.
@@ -192,7 +221,8 @@ impl ClothModel {
         if of == ColorOf::EvenSky {
             return even_sky;
         }
-        let rays = ClothModel { options: FabricOptions::RAYS, far: None, ..self.clone() };
+        let (gaps, slits) = (None, [None; 2]);
+        let rays = ClothModel { options: FabricOptions::RAYS, far: None, gaps, slits, ..self.clone() };
         // Places are even over a part of the plane that is large beside the cell.
         let [a, b] = self.plies.lattice.cell_um;
         let repeat_um = [0, 1].map(|k| a[k].abs().max(b[k].abs()));
@@ -206,10 +236,11 @@ impl ClothModel {
         reflectance.map(|r| self.curve.sigma(f64::from(r)).0 as f32)
     }
 
+    /// Absorptions of a kind of yarn, or their mean.
     #[inline]
     fn sigma<const N: usize>(&self, query: &FabricQuery<'_, N>, kind: usize) -> [f32; N] {
         let kind = kind.min(self.plies.kinds - 1);
-        query.sigma_per_um[kind].unwrap_or_else(|| self.dyes[kind].at(query.lambda_um, query.channels))
+        query.sigma_per_um[kind].unwrap_or_else(|| self.dyes.mean(kind).at(query.lambda_um, query.channels))
     }
 
     /// A point of the plane in the cell at the origin, and its cell.
@@ -246,21 +277,32 @@ impl ClothModel {
         };
         self.plies.lines.hits_while(start(&self.plies.lines, at_um, wo), d, &mut hits, passes);
         let hits = hits.as_slice();
-        let sigma_per_um = [0, 1].map(|kind| self.sigma(query, kind));
+        let mut sigma_per_um = [0, 1].map(|kind| self.sigma(query, kind));
+        // Kinds whose yarns have several colors and of which none was hit.
+        let mut is_mean = [0, 1].map(|kind| self.dyes.several(kind) && query.sigma_per_um[kind].is_none());
         let mut firsts = [(0, [0.0; N]); MAX_NEAR + 1];
         let mut count = 0;
+        let first = hits.first().map_or(0, |hit| self.plies.kind_of[hit.curve as usize]);
+        at.is_double = hits.iter().any(|h| self.plies.kind_of[h.curve as usize] != first);
         for (depth, hit) in hits.iter().enumerate() {
             let kind = self.plies.kind_of[hit.curve as usize];
             let model: &'a PlyModel = query.models[kind].unwrap_or(&self.plies.models[kind]);
             let (theta_i, h_um) = (hit.theta_i, self.plies.scale[kind] * hit.h_um);
+            let mut sigma = sigma_per_um[kind];
+            if query.sigma_per_um[kind].is_none() && self.dyes.several(kind) {
+                sigma = self.dyes.of(kind, self.number(hit, cell)).at(query.lambda_um, query.channels);
+                if std::mem::take(&mut is_mean[kind]) {
+                    sigma_per_um[kind] = sigma;
+                }
+            }
             let ply_query = PlyQuery {
                 instance: self.options.noise.then(|| self.instance(hit, cell)),
-                ..PlyQuery::new(theta_i, h_um, sigma_per_um[kind], query.lambda_um)
+                slit: self.slits[kind].as_ref().filter(|_| !at.is_double),
+                ..PlyQuery::new(theta_i, h_um, sigma, query.lambda_um)
             };
             let class = class(kind, depth, depth + 1 < hits.len());
             let arrives = at.passing;
             let r_d = if at.main.is_none() {
-                at.is_double = hits.iter().any(|h| self.plies.kind_of[h.curve as usize] != kind);
                 let main = at.main.insert(self.near_ply((hit, class), model.uncached_at(&ply_query), arrives, wo));
                 main.ply.prepare_into(&mut at.prepared);
                 let r_d = main.energies(&at.prepared);
@@ -303,12 +345,11 @@ impl ClothModel {
         if count > 0 {
             at.between = self.between.at(wo, &firsts[..count], sigma_per_um, self.sent());
         }
-        if let Some(main) = &at.main
-            && self.options.edges
-            && main.ply.model.has_edge()
-        {
-            at.passes = Passes::Edge;
-        }
+        at.passes = match (&at.main, &self.gaps) {
+            (Some(main), _) if self.options.edges && main.ply.model.has_edge() => Passes::Edge,
+            (None, Some(gaps)) => at.passes_gap(gaps.at(&self.plies.lines, at_um, wo, query.lambda_um)),
+            _ => Passes::Straight,
+        };
         at.set_chances();
     }
 
@@ -342,12 +383,16 @@ impl ClothModel {
         }
     }
 
-    /// The patterns of a place on a ply of a cell.
-    fn instance(&self, hit: &LineHit, cell: [i32; 2]) -> Instance {
+    /// Number of the yarn that a line of a cell hits.
+    fn number(&self, hit: &LineHit, cell: [i32; 2]) -> i32 {
         let yarn = &self.plies.yarns[self.plies.of_curve[hit.curve as usize] as usize];
         let [i, j] = [0, 1].map(|k| hit.cells[k].wrapping_add(cell[k]));
-        let number = yarn.number.wrapping_add(yarn.step[0].wrapping_mul(i)).wrapping_add(yarn.step[1].wrapping_mul(j));
-        let ply = (number as u32).wrapping_mul(64).wrapping_add(hit.curve);
+        yarn.number.wrapping_add(yarn.step[0].wrapping_mul(i)).wrapping_add(yarn.step[1].wrapping_mul(j))
+    }
+
+    /// The patterns of a place on a ply of a cell.
+    fn instance(&self, hit: &LineHit, cell: [i32; 2]) -> Instance {
+        let ply = (self.number(hit, cell) as u32).wrapping_mul(64).wrapping_add(hit.curve);
         Instance::new(ply, [hit.parameter * hit.speed_um, hit.h_um], self.plies.grain_um)
     }
 
@@ -358,20 +403,20 @@ impl ClothModel {
         let longest = self.lines().cell().0.map(|v| v[0].hypot(v[1])).into_iter().fold(0.0, f32::max);
         let share = far::share(query, wo, f64::from(longest))?;
         let mut sigma = [Mixed::NONE; 2];
-        (0..2).for_each(|kind| sigma[kind].add(1.0, self.sigma(query, kind)));
+        for (k, sigma) in sigma.iter_mut().enumerate() {
+            let kind = k.min(self.plies.kinds - 1);
+            match query.sigma_per_um[kind] {
+                Some(own) => sigma.add(1.0, own),
+                None => self.dyes.each(kind, |dye, share| sigma.add(share, dye.at(query.lambda_um, query.channels))),
+            }
+        }
         let plies = far.at(wo, [&sigma[0], &sigma[1]]);
         let firsts: [(usize, [f32; N]); 2 * CLASSES_A_KIND] = std::array::from_fn(|class| (class, plies.first[class]));
         let between = self.between.at(wo, &firsts, sigma.map(|s| s.sigma()), self.sent());
-        let (passing, _) = far.passing(wo);
-        Some((FarAt::new(plies, between, passing, [None; far::APERTURES]), share))
-    }
-}
-
-/// The absorption of a color, or of the metal of fibers without a color.
-fn dye_of(color: YarnColor, metal: Option<&Reflections>, curve: &AlbedoCurve) -> Dye {
-    match metal {
-        Some(metal) if color == YarnColor::Undyed => Dye::of_metal(metal, curve),
-        _ => Dye::new(color, curve),
+        let (passing, openings) = far.passing(wo);
+        let through =
+            |opening: Option<Opening>| Some(self.gaps.as_deref()?.apertures().through(opening?, wo, query.lambda_um));
+        Some((FarAt::new(plies, between, passing, openings.map(through)), share))
     }
 }
 

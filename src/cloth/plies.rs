@@ -14,7 +14,7 @@ use std::sync::Arc;
 /// Largest difference of a model's radius from its curve's, over it.
 const MAX_OFF: f64 = 0.02;
 /// Lines start this far above the plies [um].
-const MARGIN_UM: f32 = 1.0;
+pub(super) const MARGIN_UM: f32 = 1.0;
 
 /// The curves of a cloth with the models of their plies.
 #[derive(Clone, Debug)]

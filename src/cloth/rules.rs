@@ -3,6 +3,7 @@
 use super::spec::{ClothSpec, YarnOfCloth};
 use crate::Result;
 use crate::fabric::{WEAVES, check_weave};
+use crate::gap::SLIT_MAX_UM;
 use crate::spec::rules::{self, Custom, Key, Kind, Rules, invalid, optional, required};
 use toml::Value;
 
@@ -51,9 +52,34 @@ const YARN: &[Key] = &[
     optional("stiffness", Kind::Number(0.0, 100.0), "0.5"),
     optional("cohesion", Kind::Number(0.0, 100.0), "0.02"),
     optional("srgb", Kind::Srgb, "clear fibers"),
+    optional("stripes", Kind::Custom(STRIPES), "one color"),
     optional("sigma_per_um", Kind::Number(0.0, 10.0), "srgb"),
+    optional("slit_um", Kind::Above(0.0, SLIT_MAX_UM as f64), "no slits"),
+    optional("slit_share", Kind::Number(0.0, 1.0), "a quarter, with slit_um"),
 ];
 
+/// Most yarns of a repeat of stripes.
+const MAX_STRIPES: usize = 4096;
+const STRIPES: Custom = Custom {
+    expected: "stripes, each a count of yarns and a color",
+    check: |file, key, value| {
+        const HINT: &str = "use stripes such as [{ count = 12, srgb = [0.1, 0.2, 0.5] }, ...], 4096 yarns at most";
+        let is_color = |v: &Value| {
+            let number = |v: &Value| v.as_float().or(v.as_integer().map(|v| v as f64));
+            let inside = |v: &Value| number(v).is_some_and(|v| (0.0..=1.0).contains(&v));
+            v.as_array().is_some_and(|v| v.len() == 3 && v.iter().all(inside))
+        };
+        let count = |v: &Value| {
+            let stripe = v.as_table().filter(|t| t.len() == 2 && t.get("srgb").is_some_and(is_color))?;
+            usize::try_from(stripe.get("count")?.as_integer()?).ok().filter(|n| (1..=MAX_STRIPES).contains(n))
+        };
+        let counts: Option<Vec<usize>> = value.as_array().map(|all| all.iter().map(count).collect()).unwrap_or(None);
+        match counts {
+            Some(counts) if (1..=MAX_STRIPES).contains(&counts.iter().sum::<usize>()) => Ok(()),
+            _ => Err(invalid(file, key, value, HINT)),
+        }
+    },
+};
 const WALES: Key = required("wales_per_cm", Kind::Number(0.1, 200.0));
 const COURSES: Key = required("courses_per_cm", Kind::Number(0.1, 200.0));
 const LOOP: Key = required("loop_mm", Kind::Number(0.05, 200.0));
@@ -170,6 +196,14 @@ fn check_yarn(file: &str, name: &str, yarn: &YarnOfCloth) -> Result<()> {
     if yarn.srgb.is_some() && yarn.sigma_per_um.is_some() {
         let sigma = yarn.sigma_per_um.unwrap_or_default();
         return Err(invalid(file, &key("sigma_per_um"), sigma, "give either srgb or sigma_per_um, not both"));
+    }
+    if !yarn.stripes.is_empty() && (yarn.srgb.is_some() || yarn.sigma_per_um.is_some()) {
+        let hint = "give either stripes or one color, not both";
+        return Err(invalid(file, &key("stripes"), format!("{} stripes", yarn.stripes.len()), hint));
+    }
+    if let (Some(share), None) = (yarn.slit_share, yarn.slit_um) {
+        let hint = "give slit_um, the width of the slits, too, or leave this key out";
+        return Err(invalid(file, &key("slit_share"), share, hint));
     }
     let density = match name {
         "warp" => Some(("ends_per_cm", yarn.ends_per_cm, "picks_per_cm", yarn.picks_per_cm)),

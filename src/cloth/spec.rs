@@ -2,7 +2,8 @@
 //! Keys and ranges are in `rules.rs`.
 
 use super::units::{Count, fiber_area_um2, round_radius_um};
-use crate::fabric::{Draft, WeaveSpec};
+use crate::fabric::{Draft, Slits, WeaveSpec};
+use crate::gap::SLIT_SHARE;
 use crate::spec::Handedness;
 use serde::{Deserialize, Serialize};
 use std::f64::consts::PI;
@@ -135,9 +136,28 @@ pub struct YarnOfCloth {
     /// Color of the yarn [sRGB, 0 to 1].
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub srgb: Option<[f64; 3]>,
+    /// Colors of the yarns one after the other, which repeat, in place of a color of all.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub stripes: Vec<Stripe>,
     /// Absorption coefficient of the fibers [1/um], in place of a color.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub sigma_per_um: Option<f64>,
+    /// Width of slits between the fibers [um] (Yu 2025, 7.3); absent: none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub slit_um: Option<f64>,
+    /// Share of the forward light that goes through them, of yarns with slits; absent: [`SLIT_SHARE`].
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub slit_share: Option<f64>,
+}
+
+/// Neighboring yarns of one color.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Stripe {
+    /// Number of yarns.
+    pub count: usize,
+    /// Their color [sRGB, 0 to 1].
+    pub srgb: [f64; 3],
 }
 
 fn usual_packing() -> f64 {
@@ -187,6 +207,17 @@ impl ClothSpec {
 }
 
 impl YarnOfCloth {
+    /// Colors of the yarns by number, which repeat; none where one is of all.
+    pub fn colors(&self) -> Vec<[f32; 3]> {
+        self.stripes.iter().flat_map(|s| std::iter::repeat_n(s.srgb.map(|v| v as f32), s.count)).collect()
+    }
+
+    /// The slits between its fibers.
+    pub fn slits(&self) -> Option<Slits> {
+        let width_um = self.slit_um? as f32;
+        Some(Slits { width_um, share: self.slit_share.map_or(SLIT_SHARE, |share| share as f32) })
+    }
+
     /// Number of round strands, plies or bundles, in the yarn.
     pub fn strands(&self) -> usize {
         (self.plies * self.bundles) as usize

@@ -10,6 +10,10 @@
 //! | `cell_um` | `[2][2]` | vectors of the cell, the shortest ones of its lattice |
 //! | `scalars` | `[4]` | height above which there is no ply, greatest radius, length of a ply with one speckle pattern, L of `curve` |
 //! | `options` | `[4]` | speckle, layers, shadowing, edges |
+//! | `gap` | `[3]` | of diffracted light: height above which no line comes near a ply, step of the edges of `apertures`, reach of the beam |
+//! | `gap_counts`, `gap_voxel`, `gap_entry` | | as `counts`, `voxel` and `entry`, of lines that come within the beam's reach of a ply |
+//! | `apertures` | `[33][33][74]` | as of a fabric |
+//! | `slit_share`, `slits` | `[2]`, `[2][2][74]` or empty | as of a fabric, by kind |
 //! | `counts` | `[3]` | voxels along each vector of the cell and along z |
 //! | `voxel` | `[voxels + 1]` | first entry of each voxel |
 //! | `entry` | `[entries][3]` | piece, and the cells by which it is moved, plus 2^15 |
@@ -19,15 +23,18 @@
 //! | `places_per_knot` | `[curves]` | places for a step of 1 of the parameter |
 //! | `kind` | `[kinds][2]` | 1 where yarns run along y, 0 along x; radius of the model's ply over that of the curves |
 //! | `passed`, `passed_h_um`, `exit_shapes` | | of the model of each kind, as of a fabric |
-//! | `dye_rgb`, `dye_spectrum` | `[kinds][3]`, `[kinds][81]` | absorptions [1/um] of linear sRGB, and at 0.38 to 0.78 um |
+//! | `dye_rgb`, `dye_spectrum` | `[dyes][3]`, `[dyes][81]` | absorptions [1/um] of linear sRGB, and at 0.38 to 0.78 um |
+//! | `dyes_0`, `dyes_1` | `[yarns]` | of each kind, the dye of each yarn by its number, which repeats |
+//! | `dye_mean` | `[kinds]` | the dye of the mean color of each kind's yarns |
 //! | `curve` | `[..][2]` | v = 1 / (1 + sigma L) and the cloth's brightness |
 //! | `shadow_free` | `[places][18][16][8]` | shares that get out, 255 for 1.35 |
 //! | `between_caught` | `[2][8][3][8][168]` | by side, class, sent up, down and all, absorption: splines of the direction |
 //! | `between_leaves` | `[2][8][2][2][64][8]` | by side, class, sent, leaves, pair of absorptions |
 //! | `between_shape` | `[2][2][64][16]` | by side, leaves, pair |
-//! | `far_*` | | those of a fabric, with 4 classes a kind and no apertures; only of cloths loaded with `FabricOptions::far` |
+//! | `far_*` | | those of a fabric, with 4 classes a kind and as many apertures; only of cloths loaded with `FabricOptions::far` |
 
 use super::ClothModel;
+use super::grid::Entry;
 use super::lines::LineTables;
 use super::plies::ClothPlies;
 use crate::PlyModel;
@@ -36,7 +43,9 @@ use crate::fabric::between::{CLASSES, CLASSES_A_KIND, FEW, PAIRS, SIGMAS, Side, 
 use crate::fabric::far::{self, Runs};
 use crate::fabric::shadow::{COLUMNS, LANES, ROWS};
 use crate::fabric::splines::{COUNT, Several};
+use crate::fabric::tensors::slit_numbers;
 use crate::fabric::{Tensor, Values};
+use crate::gap::{EDGES, SPECTRUM_CELLS, Spectrum};
 use crate::ply::{EXIT_KINDS, ExitShape, PASSED_COLUMNS, PASSED_ROWS};
 use std::sync::Arc;
 
@@ -60,9 +69,10 @@ impl ClothModel {
         let o = &self.options;
         f32s("options", &[4], [o.noise, o.layers, o.shadowing, o.edges].map(|on| f32::from(u8::from(on))).to_vec());
         let kinds = self.plies.kinds;
-        let dyes: Vec<_> = self.dyes[..kinds].iter().map(|dye| dye.numbers()).collect();
-        f32s("dye_rgb", &[kinds, 3], dyes.iter().flat_map(|d| d.0).collect());
-        f32s("dye_spectrum", &[kinds, SPECTRUM_NODES], dyes.iter().flat_map(|d| d.1).collect());
+        let (dyes, of_yarns, means) = self.dyes.tables();
+        let dyes: Vec<_> = dyes.iter().map(|dye| dye.numbers()).collect();
+        f32s("dye_rgb", &[dyes.len(), 3], dyes.iter().flat_map(|d| d.0).collect());
+        f32s("dye_spectrum", &[dyes.len(), SPECTRUM_NODES], dyes.iter().flat_map(|d| d.1).collect());
         f32s("curve", &[curve.len(), 2], curve.iter().flat_map(|(v, value)| [*v as f32, *value as f32]).collect());
         let of = |values: &dyn Fn(&Side) -> Vec<f32>| self.between.sides.iter().flat_map(values).collect::<Vec<f32>>();
         let by_node = |of: &Several<SIGMAS>| (0..SIGMAS).flat_map(|node| of.map(|c| c[node])).collect::<Vec<_>>();
@@ -80,6 +90,26 @@ impl ClothModel {
             f32s("far_energy", &[kinds, far::VIEWS, far::SIGMAS], energy);
             f32s("far_first", &[kinds, far::VIEWS, CLASSES_A_KIND, far::SIGMAS], first);
             f32s("far_passing", &[far::VIEWS], passing);
+            let openings = far.numbers(CLASSES_A_KIND).1;
+            add("far_apertures", &[far::VIEWS, far::OPENING_NUMBERS], Values::U32(openings));
+        }
+        for (name, dyes) in ["dyes_0", "dyes_1"].into_iter().zip(of_yarns).take(kinds) {
+            add(name, &[dyes.len()], Values::U32(dyes.clone()));
+        }
+        add("dye_mean", &[kinds], Values::U32(means[..kinds].to_vec()));
+        let (shares, numbers) = slit_numbers(&self.slits);
+        add("slit_share", &[2], Values::F32(shares));
+        add("slits", &[numbers.len() / (2 * (10 + SPECTRUM_CELLS)), 2, 10 + SPECTRUM_CELLS], Values::F32(numbers));
+        if let Some(gaps) = &self.gaps {
+            let (spectra, step_um) = (gaps.apertures(), gaps.apertures().step_um);
+            let numbers = [gaps.grid().half_thickness_um, step_um, spectra.reach_um()];
+            add("gap", &[3], Values::F32(numbers.to_vec()));
+            let numbers = spectra.spectra.iter().flat_map(Spectrum::numbers).collect();
+            add("apertures", &[EDGES + 1, EDGES + 1, 10 + SPECTRUM_CELLS], Values::F32(numbers));
+            let (first, entries, _) = gaps.grid().tables();
+            add("gap_counts", &[3], Values::U32(gaps.grid().counts.map(|n| n as u32).to_vec()));
+            add("gap_voxel", &[first.len()], Values::U32(first));
+            add("gap_entry", &[entries.len(), 3], Values::U32(words(&entries)));
         }
         let shadows = self.shadows.free();
         let shape = [shadows.len() / (2 * ROWS * COLUMNS * LANES), 2 * ROWS, COLUMNS, LANES];
@@ -104,17 +134,22 @@ impl ClothModel {
     }
 }
 
+/// Entries of voxels as words.
+fn words(entries: &[Entry]) -> Vec<u32> {
+    let numbers = entries.iter().flat_map(|(piece, cells)| {
+        let [i, j] = cells.map(|c| (i32::from(c) + (1 << 15)) as u32);
+        [*piece, i, j]
+    });
+    numbers.collect()
+}
+
 /// The curves in the voxels of their grid, and the models of their plies.
 fn curves(plies: &ClothPlies, add: &mut impl FnMut(&'static str, &[usize], Values)) {
     add("cell_um", &[2, 2], Values::F32(plies.lines.cell().0.as_flattened().to_vec()));
     let LineTables { counts, first, entries, pieces } = plies.lines.tables();
     add("counts", &[3], Values::U32(counts.to_vec()));
     add("voxel", &[first.len()], Values::U32(first));
-    let numbers = entries.iter().flat_map(|(piece, cells)| {
-        let [i, j] = cells.map(|c| (i32::from(c) + (1 << 15)) as u32);
-        [*piece, i, j]
-    });
-    add("entry", &[entries.len(), 3], Values::U32(numbers.collect()));
+    add("entry", &[entries.len(), 3], Values::U32(words(&entries)));
     add("piece_curve", &[pieces.len()], Values::U32(pieces.iter().map(|p| p.0).collect()));
     add("piece", &[pieces.len(), 16], Values::F32(pieces.iter().flat_map(|p| p.1).collect()));
     let runs = |kind: usize| f32::from(u8::from(plies.runs[kind] == Runs::AlongY));

@@ -16,7 +16,7 @@ use super::shade::Shade;
 use super::shadow::Toward;
 use crate::bsdf::{DirectionSample, Outcomes};
 use crate::frame::is_direction;
-use crate::gap::GapBsdf;
+use crate::gap::{GapAt, Opening};
 use crate::math::clamp_unit;
 use crate::ply::{ExitsAt, LobeLight, Prepared, UncachedPly, hit_chance};
 use crate::{Bsdf, BsdfSample};
@@ -38,7 +38,7 @@ pub(crate) fn to_pattern([c, s]: [f32; 2], w: [f32; 3]) -> [f32; 3] {
 }
 
 /// The inverse of [`to_pattern`].
-fn to_surface([c, s]: [f32; 2], w: [f32; 3]) -> [f32; 3] {
+pub(crate) fn to_surface([c, s]: [f32; 2], w: [f32; 3]) -> [f32; 3] {
     to_pattern([c, -s], w)
 }
 
@@ -140,7 +140,7 @@ pub(crate) enum Passes<'a, const N: usize> {
     /// It is diffracted at the edge of the ply that the line meets.
     Edge,
     /// It is diffracted by the gap.
-    Aperture(GapBsdf<'a, N>),
+    Aperture(GapAt<'a, N>),
 }
 
 /// A direction, and the number and light of the ply whose lobes gave it.
@@ -175,8 +175,8 @@ pub struct FabricBsdf<'a, const N: usize> {
     /// Cosine and sine of the pattern's turn.
     pub(crate) turn: [f32; 2],
     pub(crate) is_double: bool,
-    /// In a gap with diffracted light: its spectra.
-    pub(crate) aperture: Option<[u16; 2]>,
+    /// In a gap with diffracted light: its aperture.
+    pub(crate) opening: Option<Opening>,
     /// The mean over the repeat, and its share; all else has the rest.
     pub(crate) far: Option<(FarAt<'a, N>, f32)>,
 }
@@ -208,9 +208,16 @@ impl<'a, const N: usize> FabricBsdf<'a, N> {
             chances: [0.0; 3],
             turn: [1.0, 0.0],
             is_double: false,
-            aperture: None,
+            opening: None,
             far: None,
         }
+    }
+
+    /// Joins the light of a gap, and says what becomes of the light that passes all plies.
+    pub(crate) fn passes_gap(&mut self, light: Option<(Opening, GapAt<'a, N>)>) -> Passes<'a, N> {
+        let Some((opening, light)) = light else { return Passes::Straight };
+        self.opening = Some(opening);
+        Passes::Aperture(light)
     }
 
     /// Joins the mean over the repeat and its share; whether it is all.
@@ -396,7 +403,7 @@ impl FabricBsdf<'_, SIGMAS> {
             f: vec![[0.0; SIGMAS]; lights.len()],
             first: [[0.0; SIGMAS]; CLASSES_A_KIND],
             passing: self.passing,
-            aperture: self.aperture,
+            opening: self.opening,
         };
         let mut scatters = |class: usize, arrives: f32, energy: &[f32; SIGMAS]| {
             (0..SIGMAS).for_each(|k| seen.first[class % CLASSES_A_KIND][k] += arrives * energy[k]);

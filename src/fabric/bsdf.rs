@@ -22,7 +22,7 @@ use super::{Fabric, Gap, LoadedFabric, PlyHit, YarnColor, YarnSet};
 use crate::cloth::ClothSurface;
 use crate::color::AlbedoCurve;
 use crate::fiber::Reflections;
-use crate::gap::{Axis, GapBsdf, Slit, Spectrum};
+use crate::gap::{Apertures, Slit};
 use crate::ply::{Prepared, UncachedPly};
 use crate::spec::{GaussianBeam, YarnSpec};
 use crate::speckle::Instance;
@@ -32,12 +32,6 @@ use std::sync::Arc;
 
 /// Share of a beam that is not followed further.
 const MIN_CAUGHT: f32 = 1e-3;
-/// Edges of apertures, in equal steps from the beam's center to d_cut, for which spectra are kept: those of
-/// which apertures between them are sampled.
-pub(super) const EDGES: usize = 32;
-/// Narrowest aperture [um]. What is narrower, a fraction of a wavelength, has its pattern: light goes
-/// everywhere.
-const MIN_APERTURE_UM: f32 = 0.1;
 
 /// A woven fabric, ready for shading.
 ///
@@ -75,10 +69,8 @@ pub struct FabricModel {
     pub(super) metals: Vec<Option<Reflections>>,
     /// `[color]`: the absorption that gives yarns the color.
     pub(super) dyes: Vec<Dye>,
-    /// `[EDGES + 1][EDGES + 1]` of the distances of the two edges along one axis, of the beam of the warp's
-    /// model.
-    pub(super) spectra: Vec<Spectrum>,
-    pub(super) edge_step_um: f32,
+    /// In the beam of the warp's model.
+    pub(super) apertures: Apertures,
     /// By family.
     pub(super) slits: [Option<Slit>; 2],
     pub(super) options: FabricOptions,
@@ -115,12 +107,6 @@ impl FabricModel {
         let stripes = stripes.map(|of| of.into_iter().map(|model| model as u32).collect::<Vec<_>>());
         let metals: Vec<Option<Reflections>> = models.iter().map(|m| own_color(m)).collect::<Result<_>>()?;
         let (colors, threads) = colors_of(&fabric, &stripes, &metals, options.sigma_per_um);
-        let step = beam.d_cut_um / EDGES as f64;
-        let spectrum = |i: usize| {
-            let (low, high) = (i / (EDGES + 1), i % (EDGES + 1));
-            Spectrum::new(-step * low as f64, step * high as f64, beam.w0_um)
-        };
-        let spectra = (0..(EDGES + 1) * (EDGES + 1)).map(spectrum).collect();
         let yarns = OfYarns { models: &models, stripes: &stripes, slits: &slits };
         let shadows = Shadows::new(&fabric, &yarns);
         let between = InterYarn::new(&fabric, &shadows, &yarns);
@@ -141,8 +127,7 @@ impl FabricModel {
             threads,
             metals,
             dyes: Vec::new(),
-            spectra,
-            edge_step_um: step as f32,
+            apertures: Apertures::new(&beam),
             slits,
             options: *options,
             grain_um: (2.0 * beam.w0_um) as f32,
@@ -191,7 +176,7 @@ impl FabricModel {
             + self.threads.iter().chain(&self.stripes).map(|t| size_of_val(t.as_slice())).sum::<usize>()
             + size_of_val(self.dyes.as_slice())
             + self.dyes.iter().map(Dye::memory_bytes).sum::<usize>()
-            + size_of_val(self.spectra.as_slice())
+            + self.apertures.memory_bytes()
             + self.shadows.memory_bytes()
             + self.between.memory_bytes()
             + self.far.as_ref().map_or(0, |far| far.memory_bytes())
@@ -352,15 +337,7 @@ impl FabricModel {
         at.passes = match &at.main {
             Some(main) if self.options.edges && main.ply.model.has_edge() => Passes::Edge,
             None if self.options.gaps == GapLight::Diffracted => {
-                let [west, east, south, north] = gap.aperture_um;
-                let [(x, of_x), (y, of_y)] = [self.aperture(west, east), self.aperture(south, north)];
-                let gap = GapBsdf::new(of_x, of_y, wo, query.lambda_um);
-                if gap.is_dark() {
-                    Passes::Straight
-                } else {
-                    at.aperture = Some([x, y]);
-                    Passes::Aperture(gap)
-                }
+                at.passes_gap(self.apertures.at(gap.aperture_um, [1.0, 0.0], wo, query.lambda_um))
             }
             _ => Passes::Straight,
         };
@@ -412,29 +389,6 @@ impl FabricModel {
         Instance::new(ply, [hit.along_um, hit.h_um], self.grain_um)
     }
 
-    /// The spectrum of the aperture whose edges are this far before and beyond the beam's center [um], and
-    /// the number of the nearest that is kept, which has a width.
-    #[inline]
-    fn aperture(&self, before_um: f32, beyond_um: f32) -> (u16, Axis<'_>) {
-        let (room, d_cut) =
-            (0.5 * (MIN_APERTURE_UM - before_um - beyond_um).max(0.0), EDGES as f32 * self.edge_step_um);
-        let [before, beyond] = [before_um, beyond_um].map(|x| (x + room).min(d_cut));
-        let node = |x: f32| ((x / self.edge_step_um + 0.5) as usize).min(EDGES);
-        let nodes = match [node(before), node(beyond)] {
-            [0, 0] if before > beyond => [1, 0],
-            [0, 0] => [0, 1],
-            nodes => nodes,
-        };
-        let number = nodes[0] * (EDGES + 1) + nodes[1];
-        (number as u16, Axis::near(&self.spectra[number], before, beyond))
-    }
-
-    /// Light through an aperture whose spectra are kept.
-    pub(super) fn gap<const N: usize>(&self, [x, y]: [u16; 2], wo: [f32; 3], lambda_um: [f32; N]) -> GapBsdf<'_, N> {
-        let axis = |number: u16| Axis::new(&self.spectra[usize::from(number)]);
-        GapBsdf::new(axis(x), axis(y), wo, lambda_um)
-    }
-
     /// Factors on what first plies send up and down.
     pub(super) fn sent(&self) -> [f32; 2] {
         let on = |switch: bool| f32::from(u8::from(switch));
@@ -451,7 +405,7 @@ impl ClothSurface for FabricModel {
 
 /// The slits of a family's yarns, in its models' beam; none where no light goes through them.
 fn slit_of(loaded: &LoadedFabric, family: YarnSet, options: &FabricOptions) -> Result<Option<Slit>> {
-    let Some(Slits { width_um, share }) = options.slits_of(&loaded.spec, family) else { return Ok(None) };
+    let Some(Slits { width_um, share }) = options.slits_or(loaded.spec.yarn(family).slits()) else { return Ok(None) };
     let model = loaded.model_of(family, 0).data();
     let beam = YarnSpec::parse(&model.spec_text, "model (its spec)")?.beam.beam();
     Slit::new(width_um, share, &beam).map(Some)

@@ -100,6 +100,20 @@ impl Draft {
         self.bits[pick * self.stride + end / 64] >> (end % 64) & 1 == 1
     }
 
+    /// The same weave in its shortest repeat.
+    #[must_use]
+    pub fn reduced(&self) -> Draft {
+        let all = |is: &dyn Fn(usize, usize) -> bool| {
+            (0..self.picks).all(|pick| (0..self.ends).all(|end| is(pick, end) == self.up(pick, end)))
+        };
+        let shortest = |count: usize, is_alike: &dyn Fn(usize) -> bool| {
+            (1..count).find(|n| count.is_multiple_of(*n) && is_alike(*n)).unwrap_or(count)
+        };
+        let ends = shortest(self.ends, &|n| all(&|pick, end| self.up(pick, (end + n) % self.ends)));
+        let picks = shortest(self.picks, &|n| all(&|pick, end| self.up((pick + n) % self.picks, end)));
+        Draft::from_fn(picks, ends, |pick, end| self.up(pick, end)).unwrap_or_else(|| self.clone())
+    }
+
     /// Bytes that the crossings take.
     pub fn memory_bytes(&self) -> usize {
         self.bits.len() * size_of::<u64>()
@@ -188,6 +202,18 @@ mod tests {
         // No satin of six ends: 2, 3 and 4 share a factor with it.
         assert!((0..7).all(|step| Draft::satin(6, step).is_none()));
         assert!(Draft::satin(4, 1).is_none() && Draft::satin(3, 2).is_none() && Draft::satin(0, 0).is_none());
+    }
+
+    #[test]
+    fn drafts_are_reduced_to_their_shortest_repeat() {
+        let twill = Draft::twill(2, 1).unwrap();
+        let large = Draft::from_fn(12, 9, |pick, end| twill.up(pick % 3, end % 3)).unwrap();
+        assert_eq!(large.reduced(), twill);
+        // One crossing that is another keeps it.
+        let marked = Draft::from_fn(12, 9, |pick, end| (pick, end) == (7, 4) || twill.up(pick % 3, end % 3)).unwrap();
+        let differs = !twill.up(1, 1);
+        assert_eq!(marked.reduced() == marked, differs);
+        assert_eq!(Draft::plain().reduced(), Draft::plain());
     }
 
     #[test]

@@ -16,6 +16,7 @@
 use super::between::{BetweenAt, CLASSES, CLASSES_A_KIND};
 use super::query::FabricQuery;
 use super::shadow::Toward;
+use crate::gap::{GapAt, Opening};
 use crate::math::{clamp_unit, floor_fraction, parallel};
 use std::f32::consts::{FRAC_PI_2, PI, TAU};
 
@@ -45,6 +46,10 @@ const PLACES: usize = 233;
 const LATTICE: usize = 144;
 /// Apertures that stand for those of the repeat.
 pub(crate) const APERTURES: usize = 3;
+/// Those of a view: the first ones are there.
+pub(crate) type Openings = [Option<Opening>; APERTURES];
+/// Numbers of a view's openings in a table.
+pub(crate) const OPENING_NUMBERS: usize = 1 + 3 * APERTURES;
 /// Share of the samples of plies' light that is even over the sphere.
 const EVEN: f32 = 0.02;
 
@@ -180,7 +185,7 @@ pub(crate) struct Seen {
     pub first: [[f32; SIGMAS]; CLASSES_A_KIND],
     /// Energy that passes all plies, and the aperture that it passes, in a gap.
     pub passing: f32,
-    pub aperture: Option<[u16; 2]>,
+    pub opening: Option<Opening>,
 }
 
 /// A cloth as the table needs it.
@@ -211,9 +216,9 @@ struct Plies {
 pub(crate) struct Far {
     families: [Plies; 2],
     runs: [Runs; 2],
-    /// `[view about the warp]`: energy that passes, and apertures for it, with how many there are.
+    /// `[view about the warp]`: energy that passes, and apertures for it.
     passing: Vec<f32>,
-    apertures: Vec<([[u16; 2]; APERTURES], usize)>,
+    openings: Vec<Openings>,
 }
 
 /// One view of one family.
@@ -221,7 +226,7 @@ struct View {
     f: Vec<[f32; SIGMAS]>,
     first: [[f32; SIGMAS]; CLASSES_A_KIND],
     passing: f32,
-    apertures: Vec<[u16; 2]>,
+    openings: Vec<Opening>,
 }
 
 fn look(places: &impl Places, kind: usize, number: usize) -> View {
@@ -240,7 +245,7 @@ fn look(places: &impl Places, kind: usize, number: usize) -> View {
         f: vec![[0.0; SIGMAS]; lights.len()],
         first: [[0.0; SIGMAS]; CLASSES_A_KIND],
         passing: 0.0,
-        apertures: Vec::new(),
+        openings: Vec::new(),
     };
     let per = 1.0 / PLACES as f32;
     for k in 0..PLACES {
@@ -255,7 +260,7 @@ fn look(places: &impl Places, kind: usize, number: usize) -> View {
             *sum += per * energy;
         }
         seen.passing += per * at.passing;
-        seen.apertures.extend(at.aperture);
+        seen.openings.extend(at.opening);
     }
     seen
 }
@@ -276,8 +281,8 @@ pub(crate) struct FarData {
     pub first: Vec<[[f32; SIGMAS]; CLASSES_A_KIND]>,
     /// `[view]` of the first kind.
     pub passing: Vec<f32>,
-    /// None of a cloth that has no apertures.
-    pub apertures: Vec<([[u16; 2]; APERTURES], usize)>,
+    /// `[view]` of the first kind.
+    pub openings: Vec<Openings>,
 }
 
 impl FarData {
@@ -285,33 +290,43 @@ impl FarData {
     pub(crate) fn new(places: &impl Places) -> FarData {
         let (kinds, runs) = places.kinds();
         let seen = parallel::map(kinds * VIEWS, |i| look(places, i / VIEWS, i % VIEWS));
-        let apertures = |view: &View| {
+        let openings = |view: &View| {
             // By area, from the parts of which each has as many.
-            let mut all = view.apertures.clone();
-            all.sort_by_key(|[x, y]| u32::from(*x) * u32::from(*y));
+            let mut all = view.openings.clone();
+            all.sort_by_key(|Opening([x, y, _])| u32::from(*x) * u32::from(*y));
             let count = all.len().min(APERTURES);
-            (
-                std::array::from_fn(|i| if i < count { all[(2 * i + 1) * all.len() / (2 * count)] } else { [0; 2] }),
-                count,
-            )
+            std::array::from_fn(|i| (i < count).then(|| all[(2 * i + 1) * all.len() / (2 * count)]))
         };
         FarData {
             runs,
             f: seen.iter().flat_map(|view| view.f.iter().copied()).collect(),
             first: seen.iter().map(|view| view.first).collect(),
             passing: seen[..VIEWS].iter().map(|view| view.passing).collect(),
-            apertures: seen[..VIEWS].iter().map(apertures).collect(),
+            openings: seen[..VIEWS].iter().map(openings).collect(),
         }
     }
 
-    /// Of the tables in a file, which has no apertures.
-    pub(crate) fn of(
-        runs: [Runs; 2],
-        f: Vec<[f32; SIGMAS]>,
-        first: Vec<[[f32; SIGMAS]; CLASSES_A_KIND]>,
-        passing: Vec<f32>,
-    ) -> FarData {
-        FarData { runs, f, first, passing, apertures: vec![([[0; 2]; APERTURES], 0); VIEWS] }
+    /// The openings of all views as numbers, [`OPENING_NUMBERS`] of each: how many there are, and their own.
+    pub(crate) fn opening_numbers(openings: &[Openings]) -> Vec<u32> {
+        let of = |view: &Openings| {
+            let count = view.iter().flatten().count() as u32;
+            let each = view.iter().flat_map(|opening| opening.unwrap_or_default().0.map(u32::from));
+            [count].into_iter().chain(each).collect::<Vec<_>>()
+        };
+        openings.iter().flat_map(of).collect()
+    }
+
+    /// The inverse of [`FarData::opening_numbers`]; `None` of numbers that are none of openings.
+    pub(crate) fn openings_of(numbers: &[u32]) -> Option<Vec<Openings>> {
+        let view = |numbers: &[u32; OPENING_NUMBERS]| {
+            let mut openings = [None; APERTURES];
+            let (count, all) = (numbers[0] as usize, numbers[1..].as_chunks::<3>().0);
+            for (opening, numbers) in openings.iter_mut().zip(all).take(count) {
+                *opening = Some(Opening::new(*numbers)?);
+            }
+            (count <= APERTURES).then_some(openings)
+        };
+        numbers.as_chunks::<OPENING_NUMBERS>().0.iter().map(view).collect()
     }
 }
 
@@ -353,8 +368,8 @@ impl Far {
             Plies { f: f.to_vec(), chances, energy, first }
         };
         let families = [family(0), family(1)];
-        let FarData { runs, passing, apertures, .. } = data;
-        Far { families, runs, passing, apertures }
+        let FarData { runs, passing, openings, .. } = data;
+        Far { families, runs, passing, openings }
     }
 
     pub(crate) fn memory_bytes(&self) -> usize {
@@ -366,16 +381,13 @@ impl Far {
         };
         self.families.iter().map(plies).sum::<usize>()
             + size_of_val(self.passing.as_slice())
-            + size_of_val(self.apertures.as_slice())
+            + size_of_val(self.openings.as_slice())
     }
 
     /// Its tables, as src/fabric/tensors.rs has them: f, chances, energies and, of so many classes, first
     /// energies of the kinds, what passes, apertures.
     pub(crate) fn numbers(&self, classes: usize) -> ([Vec<f32>; 5], Vec<u32>) {
         let of = |numbers: &dyn Fn(&Plies) -> Vec<f32>| self.families.iter().flat_map(numbers).collect::<Vec<f32>>();
-        let apertures = self.apertures.iter().flat_map(|(apertures, count)| {
-            [*count as u32].into_iter().chain(apertures.as_flattened().iter().map(|node| u32::from(*node)))
-        });
         let tables = [
             of(&|p| p.f.as_flattened().to_vec()),
             of(&|p| p.chances.clone()),
@@ -383,7 +395,7 @@ impl Far {
             of(&|p| p.first.iter().flat_map(|of| of[..classes].as_flattened().to_vec()).collect()),
             self.passing.clone(),
         ];
-        (tables, apertures.collect())
+        (tables, FarData::opening_numbers(&self.openings))
     }
 
     /// Seen from `wo`, for the absorptions of warp and weft.
@@ -422,12 +434,11 @@ impl Far {
     }
 
     /// Energy that passes from `wo`, and the apertures that it passes.
-    pub(crate) fn passing(&self, wo: [f32; 3]) -> (f32, &[[u16; 2]]) {
+    pub(crate) fn passing(&self, wo: [f32; 3]) -> (f32, &Openings) {
         let (views, shares, _) = views(self.runs[0], wo);
         let passing = views.iter().zip(shares).map(|(view, share)| share * self.passing[*view]).sum();
         let nearest = (0..4).max_by(|a, b| shares[*a].total_cmp(&shares[*b])).map_or(0, |i| views[i]);
-        let (apertures, count) = &self.apertures[nearest];
-        (passing, &apertures[..*count])
+        (passing, &self.openings[nearest])
     }
 }
 
@@ -529,7 +540,7 @@ pub(crate) struct FarAt<'a, const N: usize> {
     pub between: BetweenAt<'a, N>,
     /// Energy that passes all plies, and the apertures that diffract it; straight on without.
     pub passing: f32,
-    pub gaps: [Option<crate::gap::GapBsdf<'a, N>>; APERTURES],
+    pub gaps: [Option<GapAt<'a, N>>; APERTURES],
     /// Chances of warp and weft, light between yarns that leaves up and down, diffracted light; the rest goes
     /// straight on.
     chances: [f32; 5],
@@ -540,7 +551,7 @@ impl<'a, const N: usize> FarAt<'a, N> {
         plies: PliesAt<'a, N>,
         between: BetweenAt<'a, N>,
         passing: f32,
-        gaps: [Option<crate::gap::GapBsdf<'a, N>>; APERTURES],
+        gaps: [Option<GapAt<'a, N>>; APERTURES],
     ) -> Self {
         let mean = |x: &[f32; N]| x.iter().sum::<f32>() / N.max(1) as f32;
         let [warp, weft] = plies.energy.map(|e| mean(&e));

@@ -5,6 +5,7 @@ use super::bsdf::FabricModel;
 use super::far::{self, FarAt, Mixed, Places, Runs, Seen};
 use super::query::{FabricQuery, GapLight};
 use super::shadow::Toward;
+use crate::gap::Opening;
 
 impl FabricModel {
     /// The mean over the repeat where a query asks for it, seen from `wo` in the pattern's frame, and its
@@ -29,13 +30,10 @@ impl FabricModel {
         let plies = far.at(wo, [&sigma[0], &sigma[1]]);
         let firsts: [(usize, [f32; N]); CLASSES] = std::array::from_fn(|class| (class, plies.first[class]));
         let between = self.between.at(wo, &firsts, sigma.map(|s| s.sigma()), self.sent());
-        let (passing, apertures) = far.passing(wo);
-        let mut gaps = [None; far::APERTURES];
-        if self.options.gaps == GapLight::Diffracted {
-            for (gap, aperture) in gaps.iter_mut().zip(apertures) {
-                *gap = Some(self.gap(*aperture, wo, query.lambda_um));
-            }
-        }
+        let (passing, openings) = far.passing(wo);
+        let is_diffracted = self.options.gaps == GapLight::Diffracted;
+        let light = |opening: Opening| self.apertures.through(opening, wo, query.lambda_um);
+        let gaps = openings.map(|opening| opening.filter(|_| is_diffracted).map(light));
         Some((FarAt::new(plies, between, passing, gaps), share))
     }
 }

@@ -23,6 +23,9 @@ pub(crate) trait Yarns {
 struct FabricPaths<'a, Y>(&'a Fabric, &'a Shadows, &'a Y);
 
 impl<Y: Yarns + Sync> Paths for FabricPaths<'_, Y> {
+    // A fabric is traced whenever it is loaded.
+    const BEAMS: usize = 1 << 18;
+
     fn place(&self, fractions: [f64; 2]) -> [f32; 2] {
         // Plies of twisted yarns are met at every turn.
         let spread = self.0.repeat_um().map(|r| r * (1 + (20_000.0 / r) as usize) as f64);

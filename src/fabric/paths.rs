@@ -16,9 +16,7 @@ use crate::ply::{ByFirst, ExitsAt, LobeLight, UncachedPly, hit_chance};
 use crate::{PlyModel, PlyQuery};
 use std::f32::consts::PI;
 
-/// Beams from each side whose first ply is looked at, and of which two of `FOLLOWED` are followed until they
-/// leave the cloth: what is caught needs many terms of the direction and so many beams.
-const BEAMS: usize = 1 << 18;
+/// Of so many beams two are followed until they leave the cloth.
 const FOLLOWED: usize = 4;
 /// Most plies that scatter a path.
 const MAX_ORDERS: usize = 64;
@@ -35,6 +33,10 @@ const MIN_WEIGHT: f32 = 1e-4;
 
 /// A cloth through which paths are followed.
 pub(crate) trait Paths: Sync {
+    /// Beams from each side whose first ply is looked at: what is caught needs many terms of the direction,
+    /// and so many beams.
+    const BEAMS: usize;
+
     /// A point of the middle plane [um] by fractions, 0 to 1, even over a part of the cloth that stands for
     /// all.
     fn place(&self, fractions: [f64; 2]) -> [f32; 2];
@@ -237,12 +239,12 @@ impl Found {
         }
     }
 
-    fn new(paths: &impl Paths, chunk: usize) -> Found {
+    fn new<P: Paths>(paths: &P, chunk: usize) -> Found {
         let mut found = Found::none();
         for side in 0..2 {
             let mut rng = SplitMix64(0x70_6c79 + (2 * chunk + side) as u64);
             let sign = if side == 0 { 1.0 } else { -1.0 };
-            for k in chunk * (BEAMS / CHUNKS)..(chunk + 1) * (BEAMS / CHUNKS) {
+            for k in chunk * (P::BEAMS / CHUNKS)..(chunk + 1) * (P::BEAMS / CHUNKS) {
                 // Even sequences (Roberts 2018) of direction and place; half of the directions even, half by
                 // their cosine.
                 let even = |step: f64| (0.5 + k as f64 * step).fract();

@@ -1,7 +1,6 @@
 //! What a fabric is asked, and how it is shaded.
 
 use super::dye::Channels;
-use super::{FabricSpec, YarnSet};
 use crate::PlyModel;
 use crate::color::RGB_LAMBDA_UM;
 
@@ -76,10 +75,9 @@ impl FabricOptions {
     pub const RAYS: FabricOptions =
         FabricOptions { gaps: GapLight::Straight, edges: false, slits: Some(Slits::NONE), ..FabricOptions::SMOOTH };
 
-    /// The slits of a family's yarns: these, or else those of the spec; `None` where no light goes through
-    /// any.
-    pub fn slits_of(&self, spec: &FabricSpec, family: YarnSet) -> Option<Slits> {
-        self.slits.or_else(|| spec.yarn(family).slits()).filter(|slits| slits.share != 0.0)
+    /// The slits of a yarn: these, or else its own; `None` where no light goes through any.
+    pub fn slits_or(&self, own: Option<Slits>) -> Option<Slits> {
+        self.slits.or(own).filter(|slits| slits.share != 0.0)
     }
 }
 

@@ -26,20 +26,20 @@
 //! | `far_f` | `[2][330][24][17][8]` | by family and view, azimuth and latitude of the light, absorption |
 //! | `far_chances` | `[2][330][2][384]` | sums of the energies up to a cell's end, of clear and dark fibers |
 //! | `far_energy`, `far_first` | `[2][330][8]`, `[2][330][2][8]` | integral of f; energies that first plies scatter, of one layer and of two |
-//! | `far_passing`, `far_apertures` | `[330]`, `[330][7]` | what passes; how many apertures stand for the repeat's, and three pairs of rows of `apertures` |
+//! | `far_passing`, `far_apertures` | `[330]`, `[330][10]` | what passes; how many apertures stand for the repeat's, and of each of three the rows of `apertures` of its axes and by how much they are turned, in 256ths of a right angle |
 //! | `apertures` | `[33][33][74]` | spectra by the distances of their two edges: the factor's eight numbers, g, 65 masses. A point's aperture has the factor of its own edges, and is sampled by the row nearest to them (`FabricModel::aperture`) |
 //! | `slit_share` | `[2]` | of warp and weft: share of the forward light that slits between fibers take, 0 without slits |
 //! | `slits` | `[2][2][74]` or empty | spectra of the slits across and along the ply, as those of `apertures`; empty where no yarn has slits |
 
 use super::between::{CLASSES_A_KIND, FEW, PAIRS, SIGMAS, Side, TERMS};
-use super::bsdf::{EDGES, FabricModel};
+use super::bsdf::FabricModel;
 use super::shadow::{COLUMNS, LANES, ROWS};
 use super::splines::{COUNT, Several};
 use super::yarn::MAX_PLIES;
 use super::{GapLight, YarnSet, far};
 use crate::PlyModel;
 use crate::color::SPECTRUM_NODES;
-use crate::gap::SPECTRUM_CELLS;
+use crate::gap::{EDGES, SPECTRUM_CELLS, Slit};
 use crate::ply::{EXIT_KINDS, ExitShape};
 use crate::ply::{PASSED_COLUMNS, PASSED_ROWS};
 use std::sync::Arc;
@@ -91,7 +91,7 @@ impl FabricModel {
         let turns = f.yarns.iter().flat_map(|y| y.turn.as_flattened().iter().copied());
         f32s("turn", &[2, MAX_PLIES, 2], turns.collect());
         let (length_um, curve) = self.curve.nodes().unwrap_or((1.0, &[]));
-        f32s("scalars", &[4], vec![f.top_um(), self.grain_um, self.edge_step_um, length_um as f32]);
+        f32s("scalars", &[4], vec![f.top_um(), self.grain_um, self.apertures.step_um, length_um as f32]);
         let o = &self.options;
         let options = [o.gaps == GapLight::Diffracted, o.noise, o.layers, o.shadowing, o.edges];
         f32s("options", &[5], options.map(|on| f32::from(u8::from(on))).to_vec());
@@ -128,16 +128,14 @@ impl FabricModel {
         let shape = [passed.len(), PASSED_ROWS, PASSED_COLUMNS];
         f32s("passed", &shape, passed.iter().flat_map(|(sums, _)| sums.iter().copied()).collect());
         f32s("passed_h_um", &shape[..1], passed.iter().map(|(_, last_h_um)| *last_h_um).collect());
-        let apertures = self.spectra.iter().flat_map(crate::gap::Spectrum::numbers);
+        let apertures = self.apertures.spectra.iter().flat_map(crate::gap::Spectrum::numbers);
         f32s("apertures", &[EDGES + 1, EDGES + 1, 10 + SPECTRUM_CELLS], apertures.collect());
-        f32s("slit_share", &[2], self.slits.iter().map(|slit| slit.map_or(0.0, |slit| slit.share())).collect());
-        // A family without slits has the numbers of the other's, which its share leaves out.
-        let slits = self.slits.iter().filter_map(|slit| slit.or(self.slits[0]).or(self.slits[1]));
-        let slits: Vec<f32> = slits.flat_map(|slit| slit.numbers().collect::<Vec<_>>()).collect();
+        let (shares, slits) = slit_numbers(&self.slits);
+        f32s("slit_share", &[2], shares);
         f32s("slits", &[slits.len() / (2 * (10 + SPECTRUM_CELLS)), 2, 10 + SPECTRUM_CELLS], slits);
 
         if let Some(far) = &self.far {
-            let shape = vec![far::VIEWS, 1 + 2 * far::APERTURES];
+            let shape = vec![far::VIEWS, far::OPENING_NUMBERS];
             all.push(Tensor { name: "far_apertures", shape, values: Values::U32(far.numbers(2).1) });
         }
         let lists = [("stripes_warp", &self.stripes[0]), ("stripes_weft", &self.stripes[1])];
@@ -154,6 +152,14 @@ impl FabricModel {
         all.push(Tensor { name: "shadow_free", shape, values: Values::U8(self.shadows.free.clone()) });
         all
     }
+}
+
+/// Shares of light of the slits of two kinds of yarns, and their spectra; none where no yarn has slits.
+pub(crate) fn slit_numbers(slits: &[Option<Slit>; 2]) -> (Vec<f32>, Vec<f32>) {
+    let shares = slits.iter().map(|slit| slit.map_or(0.0, |slit| slit.share())).collect();
+    // Yarns without slits have the numbers of the others', which their share leaves out.
+    let spectra = slits.iter().filter_map(|slit| slit.or(slits[0]).or(slits[1]));
+    (shares, spectra.flat_map(|slit| slit.numbers().collect::<Vec<_>>()).collect())
 }
 
 #[cfg(test)]

@@ -6,7 +6,7 @@
 use crate::calls::{FABRICS, Handle, Surface, c, load_ply, ok, plies, surface, surfaces, zeroed};
 use crate::errors::refused;
 use plywave::cloth::{ClothCurves, ClothData, ClothModel, ClothYarn, Lattice, PlyCurve};
-use plywave::fabric::{ColorOf, FabricOptions, GapLight, YarnColor};
+use plywave::fabric::{ColorOf, FabricOptions, GapLight, Slits, YarnColor};
 use plywave::{Bsdf, FabricQuery, PlyModel};
 use plywave_capi::*;
 use rand::SeedableRng;
@@ -91,7 +91,7 @@ fn info(of: &Handle<PlywaveCloth>) -> PlywaveClothInfo {
 fn cloths_give_the_bits_of_rust_on_any_number_of_threads() {
     let options = FabricOptions { gaps: GapLight::Straight, noise: true, far: true, ..FabricOptions::default() };
     let rust = ClothModel::from_bytes(&PLAIN, "plain", &options).expect("a cloth");
-    let c = load(&PLAIN, &PlywaveClothOptions { noise: 1, ..zeroed() });
+    let c = load(&PLAIN, &PlywaveClothOptions { noise: 1, straight_gaps: 1, ..zeroed() });
     let gold = PlyModel::load(format!("{FABRICS}/models/gold.pwm")).and_then(|m| m.of_lines()).expect("it ships");
     let (beam, mut lines) = (load_ply("gold"), null_mut());
     ok(|e| unsafe { plywave_ply_of_lines(beam.0, &mut lines, e) });
@@ -162,7 +162,10 @@ fn options_and_cloths_of_one_kind_of_yarn() {
         no_far: 1,
         has_sigma: 1,
         sigma_per_um: 0.002,
-        noise: 0,
+        has_slits: 1,
+        slit_width_um: 0.6,
+        slit_share: 0.3,
+        ..zeroed()
     };
     let mut of = null_mut();
     ok(|e| unsafe { plywave_cloth_load(path.as_ptr(), &options, &mut of, e) });
@@ -172,6 +175,7 @@ fn options_and_cloths_of_one_kind_of_yarn() {
         layers: false,
         shadowing: false,
         edges: false,
+        slits: Some(Slits { width_um: 0.6, share: 0.3 }),
         ..FabricOptions::default()
     };
     let rust = ClothModel::from_bytes(&SHEET, "sheet", &rust).expect("a cloth");
@@ -229,13 +233,15 @@ fn bad_cloths_and_queries() {
         refused(Format, "bad: ", |e| from(&bytes[..cut], null(), e));
     }
     let mut newer = bytes.clone();
-    let at = String::from_utf8_lossy(&bytes[..400]).find("version\\\":1").expect("a version");
+    let at = bytes.windows(11).position(|w| w == b"version\\\":1").expect("a version");
     newer[at + 10] = b'9';
     refused(Format, "version", |e| from(&newer, null(), e));
     for sigma_per_um in [f32::NAN, -1.0, f32::INFINITY] {
         let bad = PlywaveClothOptions { has_sigma: 1, sigma_per_um, ..zeroed() };
         refused(Invalid, "sigma_per_um", |e| from(bytes, &bad, e));
     }
+    let wide = PlywaveClothOptions { has_slits: 1, slit_width_um: 9.0, slit_share: 0.2, ..zeroed() };
+    refused(Invalid, "width_um", |e| from(bytes, &wide, e));
     refused(Null, "bytes is NULL", |e| unsafe {
         plywave_cloth_from_memory(null(), 5, c"bad".as_ptr(), null(), out, e)
     });

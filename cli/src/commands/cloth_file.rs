@@ -44,7 +44,7 @@ pub fn curves(cli: &Cli, recipe: &ClothRecipe) -> Outcome<MadeCloth> {
 pub fn make(cli: &Cli, recipe: &ClothRecipe, curves: &MadeCloth, models: &[Arc<PlyModel>]) -> Outcome<ClothData> {
     let data = told(cli, |run| recipe.make(curves, models, true, run))?;
     if !cli.quiet {
-        let notes = recipe.notes(curves);
+        let notes = curves.notes.clone();
         notes.iter().filter(|note| !curves.notes.contains(note)).for_each(|note| eprintln!("note: {note}"));
     }
     Ok(data)
@@ -60,15 +60,10 @@ pub fn ready(cli: &Cli, file: &Path) -> Outcome<ReadyCloth> {
     told(cli, |run| recipe.ready(&library, run))
 }
 
-/// Name of the ply in a model.
-fn ply_name(model: &PlyModel) -> String {
-    plywave::spec::YarnSpec::parse(&model.data().spec_text, "model").map_or_else(|_| "a ply".into(), |spec| spec.name)
-}
-
 /// `plywave info` of a cloth file.
 pub fn info(cli: &Cli, file: &Path, bytes: u64, data: ClothData) -> Outcome {
     let points = data.curves.curves.iter().map(|c| c.control_um.len()).sum::<usize>();
-    let models: Vec<String> = data.models.iter().map(|m| ply_name(m)).collect();
+    let models = data.ply_names();
     let (name, version, cell) = (data.name.clone(), data.program_version.clone(), data.curves.cell_um);
     let (curves, has_far, spec) = (data.curves.curves.len(), data.has_far(), data.spec_text.clone());
     let model = ClothModel::from_data(data, &FabricOptions { far: true, ..FabricOptions::default() })?;

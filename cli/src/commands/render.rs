@@ -80,7 +80,7 @@ fn covers_repeats(fabric: &Fabric, camera: &Camera, height: u32) -> bool {
 }
 
 /// Slits as the flags have them; those of the spec without.
-fn slits(args: &RenderArgs) -> Outcome<Option<Slits>> {
+pub(super) fn slits(args: &RenderArgs) -> Outcome<Option<Slits>> {
     match (args.slit_um, args.without.contains(&FabricPart::Slits)) {
         (Some(width), true) => {
             let hint = "given with --without slits; leave one of them out";
@@ -100,7 +100,7 @@ fn slits(args: &RenderArgs) -> Outcome<Option<Slits>> {
 
 /// Whether the yarns of a fabric have slits, which the mean over its repeat leaves out.
 fn has_slits(spec: &FabricSpec, options: &FabricOptions) -> bool {
-    YarnSet::EACH.into_iter().any(|family| options.slits_of(spec, family).is_some())
+    YarnSet::EACH.into_iter().any(|family| options.slits_or(spec.yarn(family).slits()).is_some())
 }
 
 /// Runs the command.

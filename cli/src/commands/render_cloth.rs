@@ -1,6 +1,7 @@
 //! `plywave render` of a cloth of curves.
 
 use super::cloth_file;
+use super::render::slits;
 use crate::args::{Cli, FabricPart, Integrator, RenderArgs};
 use crate::failure::{Failure, Outcome};
 use crate::progress::STOP;
@@ -14,15 +15,9 @@ use std::path::{Path, PathBuf};
 /// Runs the command.
 pub fn run(cli: &Cli, args: &RenderArgs) -> Outcome {
     check_flags(args)?;
-    for (name, given) in [
-        ("--integrator", args.integrator == Some(Integrator::Dual)),
-        ("--slit-um", args.slit_um.is_some()),
-        ("--straight-gaps", args.straight_gaps),
-    ] {
-        if given {
-            let hint = "is not for cloths of curves, whose gaps let light straight through; leave it out";
-            return Err(Failure::input("command line", name, "given", hint));
-        }
+    if args.integrator == Some(Integrator::Dual) {
+        let hint = "dual scattering is between strands and a cloth has none; give a scene of strands, or leave it out";
+        return Err(Failure::input("command line", "--integrator", "dual", hint));
     }
     let outputs = Outputs::from_args(args)?;
     let mut inputs: Vec<(&str, PathBuf)> = vec![("cloth", args.fabric.clone())];
@@ -33,13 +28,13 @@ pub fn run(cli: &Cli, args: &RenderArgs) -> Outcome {
     let ReadyCloth { data, digest, mut notes } = cloth_file::ready(cli, &args.fabric)?;
     let without = |part: FabricPart| args.without.contains(&part);
     let options = FabricOptions {
-        gaps: GapLight::Straight,
+        gaps: if args.straight_gaps { GapLight::Straight } else { GapLight::Diffracted },
         sigma_per_um: args.sigma.map(|s| s as f32),
         noise: !args.smooth,
         layers: !without(FabricPart::Layers),
         shadowing: !without(FabricPart::Shadowing),
         edges: !without(FabricPart::Edges),
-        slits: None,
+        slits: slits(args)?,
         far: !without(FabricPart::Far),
     };
     let named = setup(args);

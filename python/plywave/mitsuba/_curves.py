@@ -25,6 +25,13 @@ class Curves(Lines, Tables):
         self.along_y = [bool(row[0] > 0.5) for row in tensors["kind"]]
         self.kinds, self.scale = len(self.along_y), [float(row[1]) for row in tensors["kind"]]
         self.per_knot = kit.floats(tensors["places_per_knot"])
+        self.dye_mean = [int(dye) for dye in tensors["dye_mean"]]
+        self.dyes, self.dye_shares = [], []
+        for kind in range(self.kinds):
+            yarns = tensors[f"dyes_{kind}"]
+            dyes, counts = np.unique(yarns, return_counts=True)
+            self.dyes.append((kit.words(yarns), len(yarns)))
+            self.dye_shares.append([(int(dye), float(count) / len(yarns)) for dye, count in zip(dyes, counts)])
         self.read_lines(tensors)
 
     def curve_word(self, curve, which):
@@ -47,12 +54,23 @@ class Curves(Lines, Tables):
         """Radius of the ply that a line hits, as its model has it [um]."""
         return hit["radius"] * self.scale_of(hit["kind"])
 
+    def number_of(self, hit, corner):
+        """Number of the yarn that a line of a cell hits, modulo 2^32."""
+        kit, curve = self.kit, hit["curve"]
+        i, j = (kit.uint(c + o) for c, o in zip(hit["cells"], corner))
+        return self.curve_word(curve, NUMBER) + self.curve_word(curve, STEP_A) * i + self.curve_word(curve, STEP_B) * j
+
+    def dye_of(self, kind, hit, corner):
+        """Index of the color of the yarn that a line of a cell hits."""
+        kit, (dyes, count) = self.kit, self.dyes[kind]
+        number = kit.int(self.number_of(hit, corner)) if kit.jit else _signed(self.number_of(hit, corner))
+        # Not beyond 2^30, nor as far below.
+        return kit.take_word(dyes, kit.uint((number % count + count) % count))
+
     def pattern_of(self, hit, at):
         """Number of a ply, and place along and across it [um], by which speckle has its patterns, of what a line meets."""
         kit, curve = self.kit, hit["curve"]
-        i, j = (kit.uint(c + o) for c, o in zip(hit["cells"], at["corner"]))
-        number = self.curve_word(curve, NUMBER) + self.curve_word(curve, STEP_A) * i + self.curve_word(curve, STEP_B) * j
-        ply = number * 64 + curve
+        ply = self.number_of(hit, at["corner"]) * 64 + curve
         return ply if kit.jit else ply & 0xFFFFFFFF, hit["parameter"] * hit["speed"], hit["h_um"]
 
     # Shadows
@@ -72,3 +90,9 @@ class Curves(Lines, Tables):
     def off_yarn(self, hit, b):
         """A ply is a yarn of its own here."""
         return 0.0, 0.0, 1.0
+
+
+def _signed(word):
+    """A word as a number with a sign."""
+    word = int(word) & 0xFFFFFFFF
+    return word - (1 << 32) if word >> 31 else word

@@ -161,9 +161,9 @@ class Far:
             for view, share in zip(views[1:], shares[1:]):
                 # The last of several greatest.
                 nearest, best = dr.select(share >= best, view, nearest), dr.maximum(best, share)
-            row = nearest * (1 + 2 * APERTURES)
+            row = nearest * (1 + 3 * APERTURES)
             at["count"] = kit.take_word(self.apertures, row)
-            at["pairs"] = row + 1
+            at["openings"] = row + 1
         parts = [*at["energy"], detach(kit.mean(at["up"])), detach(kit.mean(at["down"]))]
         total = sum(parts) + at["passing"]
         per = dr.select(total > 0.0, 1.0 / dr.maximum(total, 1e-30), 0.0)
@@ -233,8 +233,8 @@ class Far:
             per = 1.0 / dr.maximum(kit.float(at["count"]), 1.0)
 
             def one(i, light, density):
-                pair = at["pairs"] + 2 * i
-                spectra = gaps.of(*(kit.take_word(self.apertures, pair + axis) for axis in range(2)))
+                first = at["openings"] + 3 * i
+                spectra = gaps.opening([kit.take_word(self.apertures, first + k) for k in range(3)])
                 here = at["count"] > i
                 value, chance = gaps.eval(spectra, at["wo"], lam, b)
                 dark = kit.no(kit.both(spectra[0].passes(), spectra[1].passes()))
@@ -266,8 +266,8 @@ class Far:
         if gaps is not None:
             x = number * dr.maximum(kit.float(at["count"]), 1.0)
             i = dr.minimum(dr.floor(x), dr.maximum(kit.float(at["count"]), 1.0) - 1.0)
-            pair = at["pairs"] + 2 * kit.uint(i)
-            spectra = gaps.of(*(kit.take_word(self.apertures, pair + axis) for axis in range(2)))
+            first = at["openings"] + 3 * kit.uint(i)
+            spectra = gaps.opening([kit.take_word(self.apertures, first + k) for k in range(3)])
             w = gaps.draw(spectra, at["wo"], lam, [clamp(x - i, 0.0, 0.99999994), u[1], u[2]])
             b = [dr.select(which == 4, x, y) for x, y in zip(w, b)]
         return b, kit.no(found)

@@ -7,7 +7,7 @@ import numpy as np
 
 from ._kit import clamp
 
-EDGES, CELLS, MIN_MASS, MIN_APERTURE_UM = 32, 64, 1e-12, 0.1
+EDGES, CELLS, MIN_MASS, MIN_APERTURE_UM, TURNS = 32, 64, 1e-12, 0.1, 256
 # src/gap/slit.rs
 MIN_COSINE = 1e-3
 SCALE = 3.3635857
@@ -137,6 +137,14 @@ class Spectrum:
         return self.scale * (re * re + im * im)
 
 
+def turned(w, turn, sign=1.0):
+    """A direction in axes of which the first has this cosine and sine of the angle from x, or back from them."""
+    if turn is None:
+        return w
+    c, s = turn[0], sign * turn[1]
+    return [c * w[0] + s * w[1], c * w[1] - s * w[0], w[2]]
+
+
 class Gaps:
     """The apertures' spectra of a fabric on the device."""
 
@@ -146,10 +154,10 @@ class Gaps:
         self.factors = kit.floats(np.pad(rows[:, :9], ((0, 0), (0, 3))))
         self.masses = kit.floats(rows[:, 9:])
 
-    def at(self, aperture):
-        """The spectra of a gap by the distances of its edges [um]."""
+    def at(self, aperture, turn=None):
+        """A gap by the distances of its edges [um]: the spectra of its two axes, and cosine and sine of the angle from x to the first."""
         west, east, south, north = aperture
-        return self.near(west, east), self.near(south, north)
+        return self.near(west, east), self.near(south, north), turn
 
     def near(self, before, beyond):
         kit = self.kit
@@ -161,9 +169,15 @@ class Gaps:
         a, b = dr.select(kit.both(none, low), 1.0, a), dr.select(kit.both(none, kit.no(low)), 1.0, b)
         return Spectrum(self, kit.uint(a) * (EDGES + 1) + kit.uint(b), (before, beyond))
 
-    def of(self, x, y):
-        """The spectra by their rows."""
-        return Spectrum(self, x), Spectrum(self, y)
+    def of(self, x, y, turn=None):
+        """A gap by the rows of its spectra."""
+        return Spectrum(self, x), Spectrum(self, y), turn
+
+    def opening(self, words):
+        """A gap by the numbers of an opening (src/gap/apertures.rs)."""
+        x, y, steps = words
+        s, c = dr.sincos((self.kit.float(steps) + 0.5) * (0.5 * math.pi / TURNS))
+        return self.of(x, y, (dr.select(steps == 0, 1.0, c), dr.select(steps == 0, 0.0, s)))
 
     def along(self, y, wo, x, per):
         reach = dr.sqrt(dr.maximum(1.0 - x * x, 0.0)) * per
@@ -172,7 +186,8 @@ class Gaps:
 
     def eval(self, spectra, wo, lam, b):
         """Light of energy 1 by wavelength, and the density of :meth:`draw`."""
-        kit, (x, y) = self.kit, spectra
+        kit, (x, y, turn) = self.kit, spectra
+        wo, b = turned(wo, turn), turned(b, turn)
         leaves = b[2] * wo[2] < 0.0
         cos = dr.minimum(dr.abs(b[2]), 1.0)
         f, pdf = kit.zero_s(), 0.0
@@ -187,7 +202,8 @@ class Gaps:
         return f, pdf * (1.0 / kit.count)
 
     def draw(self, spectra, wo, lam, u):
-        kit, (x, y) = self.kit, spectra
+        kit, (x, y, turn) = self.kit, spectra
+        wo = turned(wo, turn)
         which = kit.uint(dr.minimum(u[0] * kit.count, kit.count - 1.0))
         chosen = lam[0]
         for k in range(1, kit.count):
@@ -200,20 +216,20 @@ class Gaps:
         reach = dr.sqrt(dr.maximum(1.0 - bx * bx, 0.0))
         by = clamp(by, -reach, reach)
         bz = dr.sqrt(dr.maximum(1.0 - bx * bx - by * by, 1e-12))
-        return [bx, by, dr.select(wo[2] > 0.0, -bz, bz)]
+        return turned([bx, by, dr.select(wo[2] > 0.0, -bz, bz)], turn, -1.0)
 
 
 class Slits:
-    """Slits between the fibers of a fabric's yarns (Yu 2025, 7.3; src/gap/slit.rs)."""
+    """Slits between the fibers of yarns (Yu 2025, 7.3; src/gap/slit.rs)."""
 
     def __init__(self, kit, shares, spectra):
         self.kit, self.shares, self.gaps = kit, [float(share) for share in shares], Gaps(kit, spectra, 1.0)
 
-    def at(self, hit, lam):
-        """The slit of a ply that a line comes near; where two layers lie there is none."""
+    def at(self, is_first, is_double, lam):
+        """The slit of a ply that a line comes near, of the first kind of yarn or the second; where two layers lie there is none."""
         kit = self.kit
-        share = dr.select(hit["is_double"], 0.0, dr.select(hit["is_warp"], *self.shares))
-        row = dr.select(hit["is_warp"], kit.uint(0), kit.uint(2))
+        share = dr.select(is_double, 0.0, dr.select(is_first, *self.shares))
+        row = dr.select(is_first, kit.uint(0), kit.uint(2))
         return Slit(share, self.gaps, self.gaps.of(row, row + 1), lam)
 
 

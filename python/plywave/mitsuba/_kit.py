@@ -173,4 +173,4 @@ def detached(x):
     """Without gradients, in a list too."""
     if isinstance(x, (list, tuple)):
         return type(x)(detached(v) for v in x)
-    return dr.detach(x) if dr.is_jit_v(x) else x
+    return dr.detach(x) if x is not None and dr.is_jit_v(x) else x

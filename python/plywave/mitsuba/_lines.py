@@ -13,11 +13,25 @@ from ._kit import cross3, dot3
 
 #: Hits of a line that are kept.
 HITS = 12
+# src/cloth/gap.rs
+FACES, FACES_IN_FULL = 0.5, 0.2
 # src/cloth/lines.rs, nearest.rs
 SLACK, BEYOND2, ACROSS, AWAY, MIN_SINE2, MIN_LEFT, BEYOND = 0.25, 0.16, 0.5, 0.05, 0.01, 3e-4, 3.0
 MAX_ENTRIES, ROUNDS, MARGIN_UM = 1 << 15, 8, 1.0
 #: Added to numbers of cells, which may be negative.
 BIAS = 1 << 15
+
+
+class Grid:
+    """A grid over the cell: its voxels and the pieces of curve that lines in them come within ``beside`` [um] of."""
+
+    def __init__(self, kit, tensors, name, top, beside):
+        self.top, self.beside = top, beside
+        self.counts = [int(n) for n in tensors[f"{name}counts"]]
+        voxel = tensors[f"{name}voxel"]
+        self.voxels = kit.words(np.stack([voxel[:-1], voxel[1:]], 1))
+        piece, i, j = tensors[f"{name}entry"].astype(np.uint32).T
+        self.entry = kit.words(np.stack([piece, i << 16 | j], 1))
 
 
 class Lines:
@@ -29,10 +43,12 @@ class Lines:
         (a, b), (c, d) = self.cell
         area = a * d - b * c
         self.inverse = [[d / area, -c / area], [-b / area, a / area]]
-        self.counts = [int(n) for n in tensors["counts"]]
-        self.voxels = kit.words(np.stack([tensors["voxel"][:-1], tensors["voxel"][1:]], 1))
-        piece, i, j = tensors["entry"].astype(np.uint32).T
-        self.entry = kit.words(np.stack([piece, i << 16 | j], 1))
+        self.grid = Grid(kit, tensors, "", self.top, 0.0)
+        # For lines that come near plies.
+        self.wide = None
+        if "gap" in tensors:
+            top, _, reach = map(float, tensors["gap"])
+            self.wide = Grid(kit, tensors, "gap_", top, reach)
         pieces = tensors["piece"].astype(np.float64)
         cubic, (radius, reach, start, growth) = pieces[:, :12].reshape(-1, 4, 3), pieces[:, 12:].T
         chord = cubic[:, 1:].sum(1)
@@ -42,7 +58,7 @@ class Lines:
         rows[:, 4:7], rows[:, 7] = chord, (chord**2).sum(1)
         for power in (1, 2, 3):
             rows[:, 4 + 4 * power : 7 + 4 * power] = cubic[:, power]
-        rows[:, 11], rows[:, 15], rows[:, 19], rows[:, 20] = radius, start, growth, 0.0
+        rows[:, 11], rows[:, 15], rows[:, 19] = radius, start, growth
         self.pieces = kit.floats(rows)
         self.curve_of_piece = kit.words(tensors["piece_curve"])
         self.of_curve = kit.words(tensors["curve_of"])
@@ -66,7 +82,7 @@ class Lines:
 
     # Hits
 
-    def chord_near(self, piece, shift, start, d, least, most):
+    def chord_near(self, piece, shift, start, d, least, most, beside):
         """Whether a line comes near a piece's chord on its way from ``least`` to ``most``, and where on it, 0 to 1."""
         p = self.kit.packets(self.pieces, piece * 6, 2)
         chord, all_ = p[4:7], p[7]
@@ -79,7 +95,11 @@ class Lines:
         u = dr.minimum(dr.maximum(free, 0.0), 1.0)
         near2, way = ee + u * (2.0 * ed + u * dd), ew + u * dw
         beyond = dr.select(dd > ACROSS * all_, (free - u) * (free - u) * dd, 0.0)
-        over = dr.maximum(dr.maximum(near2 - p[3], beyond - BEYOND2 * all_), dr.maximum(least - way, way - most))
+        reach2 = p[3]
+        if beside:
+            reach = dr.sqrt(reach2) + beside
+            reach2 = reach * reach
+        over = dr.maximum(dr.maximum(near2 - reach2, beyond - BEYOND2 * all_), dr.maximum(least - way, way - most))
         return over <= 0.0, u
 
     def cubic(self, piece):
@@ -105,7 +125,7 @@ class Lines:
         bend = straight + dot3(p, second) - pw * ddw
         return -slope / dr.select(bend > 0.1 * d2, bend, dr.maximum(straight, 0.05 * d2)), bend > 0.0
 
-    def refined(self, piece, shift, start, d, u):
+    def refined(self, piece, shift, start, d, u, beside):
         """Where a line is nearest to a piece: the place, the way along the line, the squared distance, and whether it is within the piece and the ply."""
         kit = self.kit
         cubic, radius, _, _ = self.cubic(piece)
@@ -118,24 +138,90 @@ class Lines:
         p, first, _ = self.along(cubic, shift, start, u)
         way = dot3(p, d)
         h2 = dr.maximum(dot3(p, p) - way * way, 0.0)
-        inside = kit.both(kit.both(u >= 0.0, u < 1.0), kit.both(h2 < radius * radius, way >= 0.0))
+        reach = radius + beside
+        inside = kit.both(kit.both(u >= 0.0, u < 1.0), kit.both(h2 < reach * reach, way >= 0.0))
         return u, kit.both(kit.both(inside, is_least), moved < AWAY), way, h2, first, p, radius
 
-    def follow(self, start, d, active, kind_of, r_d):
+    def follow(self, start, d, active, r_d):
         """The hits of a line until hardly any light is left: lists of ``piece``, ``cells``, ``place`` and of the way to their walls, and how many there are. ``r_d(kind, theta_i,
         h_um, radius)`` says what passes a ply."""
         kit = self.kit
-        zero = kit.float(0.0)
+        found = {"piece": [kit.uint(0)] * HITS, "cells": [kit.uint(0)] * HITS, "place": [kit.float(0.0)] * HITS, "enter": [kit.float(math.inf)] * HITS}
+
+        def hit(found, ply):
+            radius, across = ply["radius"], ply["across"]
+            sine2 = dr.maximum(dot3(across, across), MIN_SINE2)
+            h2 = dr.minimum(ply["h2"], radius * radius)
+            enter = dr.select(ply["inside"], ply["way"] - dr.sqrt((radius * radius - h2) / sine2), math.inf)
+            return self.insert(found, {"piece": ply["piece"], "cells": self.packed(ply["cells"]), "place": ply["place"], "enter": enter})
+
+        def passes(ply):
+            h = dr.sqrt(ply["h2"]) * dr.select(dot3(ply["off"], ply["across"]) < 0.0, -1.0, 1.0)
+            theta_i = dr.asin(dr.minimum(dr.maximum(-dot3(d, ply["tangent"]), -1.0), 1.0))
+            return r_d(self.kind_of(ply["piece"]), theta_i, h, ply["radius"])
+
+        found = self.visit(self.grid, start, d, active, found, hit, "lines through curves", passes)
+        count = kit.uint(0)
+        for enter in found["enter"]:
+            count = count + dr.select(enter < math.inf, kit.uint(1), kit.uint(0))
+        return found, count
+
+    def aperture(self, start, d, active):
+        """The sides of the aperture that a line passes which hits no ply [um], and cosine and sine of the angle from x to its first axis (``src/cloth/gap.rs``)."""
+        kit, grid = self.kit, self.wide
+        reach = grid.beside
+        way = (grid.top - self.top) / dr.maximum(dr.abs(d[2]), 1e-4)
+        start = [x - way * w for x, w in zip(start, d)]
+
+        def edge(ply):
+            """Direction to a ply in the plane, how far away it is, and the share of the beam's reach that is left there."""
+            across = ply["across"]
+            per = -dr.rsqrt(dr.maximum(dot3(across, across), 1e-12))
+            x, y = across[0] * per, across[1] * per
+            per_um = dr.maximum(dr.sqrt(x * x + y * y), 1e-3)
+            room = dr.sqrt(ply["h2"]) - ply["radius"]
+            sign = dr.select(dot3(ply["off"], across) < 0.0, 1.0, -1.0) / per_um
+            near = dr.minimum(dr.maximum(1.0 - room / reach, 0.0), 1.0)
+            return sign * x, sign * y, dr.maximum(room, 0.0) / per_um, near
+
+        def turns(sums, ply):
+            x, y, _, near = edge(ply)
+            c, s = x * x - y * y, 2.0 * x * y
+            weight = dr.select(ply["inside"], near * near, 0.0)
+            return [sums[0] + weight * (c * c - s * s), sums[1] + weight * 2.0 * c * s]
+
+        sums = self.visit(grid, start, d, active, [kit.float(0.0), kit.float(0.0)], turns, "edges of gaps")
+        angle = 0.25 * dr.atan2(sums[1], sums[0])
+        s, c = dr.sincos(dr.select(angle < 0.0, angle + 0.5 * math.pi, angle))
+        axes = [(-c, -s), (c, s), (s, -c), (-s, c)]
+
+        def bounds(sides, ply):
+            x, y, away, _ = edge(ply)
+            out = []
+            for side, e in zip(sides, axes):
+                facing = x * e[0] + y * e[1]
+                share = dr.minimum(dr.maximum((facing - FACES) / FACES_IN_FULL, 0.0), 1.0)
+                closer = dr.minimum(side, away / dr.maximum(facing * share, 1e-6))
+                out.append(dr.select(kit.both(ply["inside"], share > 0.0), closer, side))
+            return out
+
+        sides = self.visit(grid, start, d, active, [kit.float(reach)] * 4, bounds, "sides of gaps")
+        return sides, (c, s)
+
+    def visit(self, grid, start, d, active, state, each, label, passes=None):
+        """Calls ``state = each(state, ply)`` for the plies of a grid that a line comes near, to its end or until hardly any light is left by the shares ``passes(ply)``; ``ply["inside"]``
+        says whether it counts."""
+        kit = self.kit
         per_z = 1.0 / dr.select(dr.abs(d[2]) < 1e-6, dr.select(d[2] < 0.0, -1e-6, 1e-6), d[2])
-        low, high = (-self.top - start[2]) * per_z, (self.top - start[2]) * per_z
+        low, high = (-grid.top - start[2]) * per_z, (grid.top - start[2]) * per_z
         begin, end = dr.maximum(dr.minimum(low, high), 0.0), dr.maximum(low, high)
         ok = kit.both(kit.both(end > begin, end < 1e9), active)
-        counts = [float(n) for n in self.counts]
-        rate = [f * n for f, n in zip([*self.fractions(d[0], d[1]), d[2] * (0.5 / self.top)], counts)]
-        first = [f * n for f, n in zip([*self.fractions(start[0], start[1]), 0.5 + start[2] * (0.5 / self.top)], counts)]
+        counts = [float(n) for n in grid.counts]
+        rate = [f * n for f, n in zip([*self.fractions(d[0], d[1]), d[2] * (0.5 / grid.top)], counts)]
+        first = [f * n for f, n in zip([*self.fractions(start[0], start[1]), 0.5 + start[2] * (0.5 / grid.top)], counts)]
         per_rate = [dr.select(dr.abs(r) < 1e-12, math.inf, 1.0 / dr.select(r == 0.0, 1.0, r)) for r in rate]
         voxel = [kit.floor(f + begin * r)[1] for f, r in zip(first, rate)]
-        voxel[2] = dr.minimum(dr.maximum(voxel[2], 0), self.counts[2] - 1)
+        voxel[2] = dr.minimum(dr.maximum(voxel[2], 0), grid.counts[2] - 1)
         forward = [r >= 0.0 for r in rate]
 
         def border(voxel):
@@ -150,85 +236,85 @@ class Lines:
 
         def cells_of(voxel):
             cells = [kit.floor((kit.float(v) + 0.5) / n)[1] for v, n in zip(voxel[:2], counts)]
-            return cells, [v - c * n for v, c, n in zip(voxel, cells, self.counts)]
+            return cells, [v - c * n for v, c, n in zip(voxel, cells, grid.counts)]
 
         def entries_of(voxel):
             _, here = cells_of(voxel)
-            height = dr.minimum(dr.maximum(voxel[2], 0), self.counts[2] - 1)
-            return kit.word_pair(self.voxels, kit.uint((here[0] * self.counts[1] + here[1]) * self.counts[2] + height))
+            height = dr.minimum(dr.maximum(voxel[2], 0), grid.counts[2] - 1)
+            return kit.word_pair(grid.voxels, kit.uint((here[0] * grid.counts[1] + here[1]) * grid.counts[2] + height))
 
         at, last = entries_of(voxel)
         leave = out_of(border(voxel), end, begin)
-        found = {"piece": [kit.uint(0)] * HITS, "cells": [kit.uint(0)] * HITS, "place": [zero] * HITS, "enter": [kit.float(math.inf)] * HITS}
-        # The voxel, the way to it and out of it, its entries, the light that is left, where to end.
-        state = {
+        # The voxel, the way to it and out of it, its entries.
+        walk = {
             "on": ok,
             "voxel": voxel,
             "from": kit.float(begin),
             "leave": kit.float(leave),
             "entry": at,
             "last": last,
-            "left": kit.float(1.0),
-            "end": kit.float(end),
-            # The way to the place nearest to the furthest ply, and to where plies count no more.
-            "deepest": zero,
-            "stop": kit.float(math.inf),
             "looked": kit.uint(0),
-            "found": found,
+            "state": state,
         }
+        changes = ["state"]
+        if passes is not None:
+            # The light that is left, the ways to where the furthest ply is nearest and to where plies end.
+            walk |= {"left": kit.float(1.0), "deepest": kit.float(0.0), "stop": kit.float(math.inf)}
+            changes += ["left", "deepest"]
 
         def body(s):
             s = dict(s)
             some = s["entry"] < s["last"]
-            piece, packed = kit.word_pair(self.entry, dr.select(some, s["entry"], 0))
+            piece, packed = kit.word_pair(grid.entry, dr.select(some, s["entry"], 0))
             cells, _ = cells_of(s["voxel"])
             cells = [cells[0] + kit.int(packed >> 16) - BIAS, cells[1] + kit.int(packed & 0xFFFF) - BIAS]
             shift = self.moved(kit.float(cells[0]), kit.float(cells[1]))
             least = dr.select(s["from"] == begin, -math.inf, s["from"])
-            most, stop = dr.select(s["leave"] >= end, math.inf, s["leave"]), s["stop"]
-            near, u = self.chord_near(piece, shift, start, d, least, most)
+            most = dr.select(s["leave"] >= end, math.inf, s["leave"])
+            near, u = self.chord_near(piece, shift, start, d, least, most, grid.beside)
 
-            def hit(left, deepest, found):
-                place, inside, way, h2, first, p, radius = self.refined(piece, shift, start, d, u)
-                inside = kit.both(inside, way <= stop)
+            def hit(state, *light):
+                place, inside, way, h2, first, p, radius = self.refined(piece, shift, start, d, u, grid.beside)
+                if light:
+                    inside = kit.both(inside, way <= stop)
                 per = dr.rsqrt(dot3(first, first))
                 tangent = [x * per for x in first]
-                across = cross3(d, tangent)
-                sine2 = dr.maximum(dot3(across, across), MIN_SINE2)
-                enter = dr.select(inside, way - dr.sqrt((radius * radius - dr.minimum(h2, radius * radius)) / sine2), math.inf)
                 off = [p[k] - way * d[k] for k in range(3)]
-                h = dr.sqrt(h2) * dr.select(dot3(off, across) < 0.0, -1.0, 1.0)
-                theta_i = dr.asin(dr.minimum(dr.maximum(-dot3(d, tangent), -1.0), 1.0))
-                left = dr.select(inside, left * r_d(kind_of(piece), theta_i, h, radius), left)
-                return left, dr.select(inside, dr.maximum(deepest, way), deepest), self.insert(found, {"piece": piece, "cells": self.packed(cells), "place": place, "enter": enter})
+                ply = {"piece": piece, "cells": cells, "place": place, "inside": inside, "way": way, "h2": h2, "radius": radius, "tangent": tangent, "off": off}
+                ply |= {"across": cross3(d, tangent)}
+                state = each(state, ply)
+                if not light:
+                    return (state,)
+                left, deepest = light
+                return state, dr.select(inside, left * passes(ply), left), dr.select(inside, dr.maximum(deepest, way), deepest)
 
-            s["left"], s["deepest"], s["found"] = kit.branch((s["left"], s["deepest"], s["found"]), kit.both(some, near), hit)
+            stop = s["stop"] if passes is not None else None
+            s |= dict(zip(changes, kit.branch(tuple(s[key] for key in changes), kit.both(some, near), hit)))
             # At the end of a voxel the next one.
             done = s["entry"] + 1 >= s["last"]
-            short = kit.both(kit.both(done, s["left"] < MIN_LEFT), s["stop"] == math.inf)
-            s["stop"] = dr.select(short, s["deepest"] + BEYOND * self.largest, s["stop"])
-            s["end"] = dr.minimum(s["end"], s["stop"])
-            leaves, is_end = s["leave"], s["leave"] >= s["end"]
+            last_way = end
+            if passes is not None:
+                short = kit.both(kit.both(done, s["left"] < MIN_LEFT), s["stop"] == math.inf)
+                s["stop"] = dr.select(short, s["deepest"] + BEYOND * self.largest, s["stop"])
+                last_way = dr.minimum(end, s["stop"])
+            leaves, is_end = s["leave"], s["leave"] >= last_way
             ways = border(s["voxel"])
             is_up = ways[2] < dr.minimum(ways[0], ways[1])
             is_second = kit.both(kit.no(is_up), ways[1] < ways[0])
             take = [kit.no(is_up | is_second), is_second, is_up]
             s["voxel"] = [dr.select(kit.both(done, t), v + dr.select(f, 1, -1), v) for t, f, v in zip(take, forward, s["voxel"])]
-            is_end = is_end | (s["voxel"][2] < 0) | (s["voxel"][2] >= self.counts[2])
+            is_end = is_end | (s["voxel"][2] < 0) | (s["voxel"][2] >= grid.counts[2])
             entry, last = entries_of(s["voxel"])
             s["entry"] = dr.select(done, entry, s["entry"] + 1)
             s["last"] = dr.select(done, last, s["last"])
             s["from"] = dr.select(done, leaves, s["from"])
-            s["leave"] = dr.select(done, out_of(border(s["voxel"]), s["end"], leaves), leaves)
+            s["leave"] = dr.select(done, out_of(border(s["voxel"]), last_way, leaves), leaves)
             s["looked"] = s["looked"] + 1
             s["on"] = kit.both(kit.both(s["on"], kit.no(kit.both(done, is_end))), s["looked"] < MAX_ENTRIES)
             return (s,)
 
-        (s,) = kit.loop((state,), lambda s: s["on"], body, "lines through curves")
-        count = kit.uint(0)
-        for enter in s["found"]["enter"]:
-            count = count + dr.select(enter < math.inf, kit.uint(1), kit.uint(0))
-        return s["found"], count
+        (s,) = kit.loop((walk,), lambda s: s["on"], body, label)
+        return s["state"]
 
     def packed(self, cells):
         """Cells along both vectors in a word."""

@@ -32,9 +32,7 @@ def define(Surface):
             if (filename is None) == (text is None):
                 raise ValueError(f"{name}: filename: give one of 'filename', a fabric's spec (.toml), and 'spec', its text")
             folder = typed(name, props, "folder", str, ".")
-            gaps = typed(name, props, "gaps", str, "diffracted")
-            if gaps not in ("straight", "diffracted"):
-                raise ValueError(f"{name}: gaps: {gaps!r}: expected 'straight' or 'diffracted'")
+            gaps = self.gaps_of(props)
             if filename is not None:
                 filename = str(mi.file_resolver().resolve(filename))
             tables = _native.FabricTables(filename, text, folder, gaps == "diffracted", **on)
@@ -81,7 +79,7 @@ def define(Surface):
                     own.append(None)
             return own
 
-        def sigma_of(self, si, own, hit):
+        def sigma_of(self, si, own, hit, _=None):
             """Absorptions of the yarn that a line meets."""
             kit, is_warp, yarn = self.kit, hit["is_warp"], hit["yarn"]
             if own[0] is not None and own[1] is not None:
@@ -92,9 +90,9 @@ def define(Surface):
                     dyed = dr.select(is_warp if k == 0 else kit.no(is_warp), own[k], dyed)
             return dyed
 
-        def slit_of(self, si, hit):
+        def slit_of(self, si, hit, _):
             """The slit of a ply that a line comes near, of a cloth with slits."""
-            return None if self.slits is None else self.slits.at(hit, self.lambda_um(si))
+            return None if self.slits is None else self.slits.at(hit["is_warp"], hit["is_double"], self.lambda_um(si))
 
         def to_string(self):
             return f"plywave_fabric[repeat = {self.repeat_um} um, um_per_uv = {self.um_per_uv}]"

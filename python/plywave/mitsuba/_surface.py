@@ -41,6 +41,13 @@ def define(Calls):
                 raise ValueError(f"{name}: footprint_rad: given with footprint_um: give one of them")
             return on
 
+        def gaps_of(self, props):
+            """What light through gaps does."""
+            gaps = typed(self.PLUGIN, props, "gaps", str, "diffracted")
+            if gaps not in ("straight", "diffracted"):
+                raise ValueError(f"{self.PLUGIN}: gaps: {gaps!r}: expected 'straight' or 'diffracted'")
+            return gaps
+
         def finish(self, props, on, dyes):
             """The place of the pattern, and the colors: ``dyes``, absorptions of linear sRGB and by wavelength."""
             name, kit = self.PLUGIN, self.kit
@@ -293,7 +300,7 @@ def define(Calls):
 
         def near_drawn(self, si, at, u):
             kit, cloth = self.kit, self.cloth
-            left, found, wo = u[0], kit.bool(False), [kit.float(0.0)] * 3
+            left, found = u[0], kit.bool(False)
             first = []
             for chance in at["chances"]:
                 here = kit.both(kit.no(found), left < chance)
@@ -309,7 +316,7 @@ def define(Calls):
 
             theta_i, h = chosen["q"][:2]
             energies = cloth.plies.energies(chosen["model"], theta_i, h)
-            sigma = self.sigma_of(si, at["own"], chosen["hit"])
+            sigma = self.sigma_of(si, at["own"], chosen["hit"], at.get("corner"))
             w = cloth.plies.draw(chosen["model"], theta_i, h, sigma, energies, [first[0][1], u[1], u[2]], False, chosen["slit"])
             b = to_fabric(chosen["q"], w)
             if cloth.plies.some_edge and cloth.options["edges"]:

@@ -33,7 +33,12 @@ def walk(self, si, active):
         h, off = h_um * cloth.scale_of(kind), OFF * radius
         return cloth.passed_mean(cloth.model_of({"kind": kind}), theta_i, h - off, h + off)
 
-    found, count = cloth.follow(start, d, active, cloth.kind_of, passes)
+    found, count = cloth.follow(start, d, active, passes)
+    is_double = kit.bool(False)
+    if self.slits is not None:
+        kinds = [cloth.kind_of(piece) for piece in found["piece"]]
+        for i, kind in enumerate(kinds):
+            is_double = is_double | kit.both(count > i, kind != kinds[0])
     zero, none = kit.float(0.0), kit.zero_s()
     whole = ("piece", "cells", "class")
     loop = {
@@ -48,6 +53,9 @@ def walk(self, si, active):
         "plies": none,
         "last": {"more": kit.float(1.0), "catch": zero, "class": kit.uint(0), "energy": none},
         "main": {"q": [zero] * 8, "model": kit.uint(0)},
+        # By kind, the color of the first ply that is hit.
+        "dyed": [kit.uint(dye) for dye in cloth.dye_mean],
+        "is_dyed": [kit.bool(False)] * cloth.kinds,
     }
 
     def body(s):
@@ -64,7 +72,13 @@ def walk(self, si, active):
         is_other = kit.both(kit.both(behind, room), catch >= MIN_CAUGHT)
         is_beyond = kit.both(behind, kit.no(room))
         counted = is_main | is_other
-        through = cloth.plies.transmittances(model, self.sigma_of(si, flat, hit))
+        through = cloth.plies.transmittances(model, self.sigma_of(si, flat, hit, corner))
+        kind = hit["kind"]
+        for k in range(cloth.kinds):
+            if flat[k] is None:
+                takes = kit.both(kit.both(counted, kind == k), kit.no(s["is_dyed"][k]))
+                s["dyed"] = [dr.select(kit.both(takes, kit.bool(n == k)), cloth.dye_of(k, hit, corner), dye) for n, dye in enumerate(s["dyed"])]
+                s["is_dyed"] = [is_dyed | kit.both(takes, kit.bool(n == k)) for n, is_dyed in enumerate(s["is_dyed"])]
         sent = dr.select(counted, arrives * (kit.S(energies[1]) + cloth.plies.high_energy(energies[2], through)), none)
         cls = class_of(kit, hit["kind"], i, count)
         s["plies"] = s["plies"] + sent
@@ -97,16 +111,20 @@ def walk(self, si, active):
     s["main"] = s["main"] | {"is": s["count"] > 0}
     last_kept = dr.select(several, s["count"] - 1, KEPT)
     is_moved = kit.jit and dr.grad_enabled(self.um_per_uv)
-    if kit.jit and (is_moved or dr.grad_enabled(self.dyes, *own)):
-        s = again(self, si, own, moved, d, s, last_kept, last["more"])
-    dyes = [own[0], own[-1]]
-    out = answer(self, si, own, wo, (s["classes"], dyes), s, s["plies"], None)
+    if kit.jit and (is_moved or dr.grad_enabled(self.dyes, *(x for x in own if x is not None))):
+        s = again(self, si, own, moved, d, s, last_kept, last["more"], corner)
+    dyes = [self.dye(si, dye) if sigma is None else sigma for sigma, dye in zip(own, s["dyed"])]
+    spectra = None
+    if self.gaps is not None:
+        spectra = self.gaps.at(*cloth.aperture(start, d, kit.both(active, s["count"] == 0)))
+    out = answer(self, si, own, wo, (s["classes"], [dyes[0], dyes[-1]]), s, s["plies"], spectra)
     return out | {
         "line": (moved if is_moved else start, d),
         "is_moved": is_moved,
         "last_kept": last_kept,
         "more": last["more"],
         "corner": corner,
+        "is_double": is_double,
         "far_share": share,
     }
 
@@ -116,7 +134,7 @@ def class_of(kit, kind, i, count):
     return kit.uint(kind) * CLASSES_A_KIND + dr.select(i > 0, kit.uint(2), kit.uint(0)) + dr.select(i + 1 < count, kit.uint(1), kit.uint(0))
 
 
-def again(self, si, own, start, d, s, last_kept, more):
+def again(self, si, own, start, d, s, last_kept, more, corner):
     """The state of a walk's loop with the gradients of the line's place and of the absorptions."""
     kit, cloth = self.kit, self.cloth
     s, kept = dict(s), s["kept"]
@@ -129,7 +147,7 @@ def again(self, si, own, start, d, s, last_kept, more):
         model, theta_i, h = cloth.model_of(hit), hit["theta_i"], hit["h"]
         energies = cloth.plies.energies(model, theta_i, h)
         arrives = product * ratio(kept["arrives"][i], product)
-        through = cloth.plies.transmittances(model, self.sigma_of(si, own, hit))
+        through = cloth.plies.transmittances(model, self.sigma_of(si, own, hit, corner))
         grown = arrives * dr.select(last_kept == i, more, 1.0)
         sent = dr.select(here, grown * (kit.S(energies[1]) + cloth.plies.high_energy(energies[2], through)), none)
         classes = [e + dr.select(kept["class"][i] == c, sent, none) for c, e in enumerate(classes)]

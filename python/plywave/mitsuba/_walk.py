@@ -240,10 +240,10 @@ def plies_light(self, si, at, directions):
         hit = cloth.hit_at({key: _of(of[key], i) for key in cloth.WHERE}, line, d)
         model = cloth.model_of(hit)
         theta_i, h, frame = hit["theta_i"], hit["h"], hit["frame"]
-        sigma = self.sigma_of(si, own, hit)
+        sigma = self.sigma_of(si, own, hit, at.get("corner"))
         energies = cloth.plies.energies(model, theta_i, h)
         towards = [[dot3(a, b) for a in frame] for b in directions]
-        lights = cloth.plies.lobes_towards(model, theta_i, h, sigma, towards, energies, gradients, self.slit_of(si, hit))
+        lights = cloth.plies.lobes_towards(model, theta_i, h, sigma, towards, energies, gradients, self.slit_of(si, hit, at))
         exits = cloth.plies.exits(model, theta_i, h, cloth.ply_radius(hit))
         share, out = clear_share(sigma), []
         if self.speckle is not None:
@@ -278,7 +278,7 @@ def chosen_ply(self, si, at, number):
     chosen = dr.minimum(chosen, dr.maximum(at["count"], 1) - 1)
     hit = cloth.hit_at({key: detach(_of(at["kept"][key], chosen)) for key in cloth.WHERE}, start, d)
     q = [hit["theta_i"], hit["h"], *hit["frame"][0], *hit["frame"][2]]
-    return {"q": q, "model": cloth.model_of(hit), "hit": hit, "slit": self.slit_of(si, hit)}
+    return {"q": q, "model": cloth.model_of(hit), "hit": hit, "slit": self.slit_of(si, hit, at)}
 
 
 def _of(values, i):

@@ -27,8 +27,11 @@ pub struct MadeCloth {
     pub measures: ClothMeasures,
     /// How the relaxation ended; `None` for curves that were taken as they are.
     pub relaxed: Option<Relaxed>,
-    /// What is to be said: of layers that no yarn joins, of twist that was rounded.
+    /// What is to be said: of layers that no yarn joins, of twist that was rounded, of a WIF.
     pub notes: Vec<String>,
+    /// By kind of yarn, colors [sRGB, 0 to 1] of the yarns by their number, from the stripes of the spec or
+    /// the WIF; none where there are none.
+    pub colors: [Vec<[f32; 3]>; 2],
 }
 
 /// Makes the curves of a cloth. `read` gives the bytes of the file that a spec names, of a WIF or of curves;
@@ -52,8 +55,15 @@ pub fn make_cloth(
     };
     match made {
         ClothWeave::Woven(weave, yarns) => {
+            let mut in_wif = <[Vec<[f32; 3]>; 2]>::default();
             let draft = match weave {
-                WeaveSpec::Wif { file: wif } => Wif::parse(&read(wif)?, wif)?.draft,
+                WeaveSpec::Wif { file: wif } => {
+                    let wif = Wif::parse(&read(wif)?, wif)?;
+                    notes.extend(wif.notes.iter().map(ToString::to_string));
+                    in_wif = [wif.warp_srgb, wif.weft_srgb];
+                    // Colors need not repeat as the weave does.
+                    wif.draft.reduced()
+                }
                 _ => weave
                     .draft()
                     .ok_or_else(|| invalid("weave.kind", "a weave without draft".into(), "use another".into()))?,
@@ -81,7 +91,13 @@ pub fn make_cloth(
             };
             let (start, relaxed) = relaxed(at(1.0)?, spec.thickness_um, go_on)?;
             if relaxed.overlap <= MAX_OVERLAP {
-                return finished(start, spec, Some(relaxed), notes);
+                let mut made = finished(start, spec, Some(relaxed), notes)?;
+                for (own, colors) in made.colors.iter_mut().zip(in_wif) {
+                    if own.is_empty() {
+                        *own = colors;
+                    }
+                }
+                return Ok(made);
             }
             // Too dense: by how much, and what would go.
             let overlap_um = relaxed.overlap * 0.5 * (yarns[0].strand_radius_um() + yarns[1].strand_radius_um());
@@ -132,7 +148,8 @@ pub fn make_cloth(
                     let value = format!("{:.0} % of a radius", 100.0 * measures.overlap);
                     return Err(invalid("curves.file", value, "its curves cross each other; use relax = true".into()));
                 }
-                return Ok(MadeCloth { curves, measures, relaxed: None, notes });
+                let colors = [yarn.colors(), Vec::new()];
+                return Ok(MadeCloth { curves, measures, relaxed: None, notes, colors });
             }
             let nodes: f64 = curves.curves.iter().map(|curve| nodes_of(curve, &lattice) as f64).sum();
             let largest = curves.curves.iter().map(|curve| curve.radius_um).fold(0.0, f64::max);
@@ -204,7 +221,9 @@ fn finished(
         start.elements.chains.iter().zip(&start.of_chain).map(|(chain, yarn)| smooth(chain, *yarn, &lattice)).collect();
     let curves = ClothCurves { cell_um: lattice.cell_um, yarns: start.yarns, curves };
     let measures = measure(&curves, &lattice, &spec.yarns())?;
-    Ok(MadeCloth { curves, measures, relaxed, notes })
+    let mut colors = <[Vec<[f32; 3]>; 2]>::default();
+    colors.iter_mut().zip(spec.yarns()).for_each(|(colors, yarn)| *colors = yarn.colors());
+    Ok(MadeCloth { curves, measures, relaxed, notes, colors })
 }
 
 /// The curve of a chain, which lies at the mean height of its elements: they are chords, by l^2 kappa / 12
