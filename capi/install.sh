@@ -38,7 +38,7 @@ libdir=\${prefix}/lib
 includedir=\${prefix}/include
 
 Name: plywave
-Description: Wave-aware cloth and fiber appearance: evaluates and samples ply, fabric, cloth and fiber models.
+Description: Wave-aware cloth and fiber appearance: evaluates and samples ply, cloth and fiber models.
 Version: $version
 Libs: -L\${libdir} -lplywave
 Libs.private: $libs

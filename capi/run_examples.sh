@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Installs the library into a scratch folder, compiles the C11 and the C++17 examples with the system's compilers, static and shared, with and without the address and undefined
-# behavior sanitizers, runs them, and compares the C example of a ply with the Rust library digit by digit. The program makes the cloth that the example of cloths loads. CC, CXX
+# behavior sanitizers, runs them, and compares the C example of a ply with the Rust library digit by digit. The program makes the cloth that the examples of cloths load. CC, CXX
 # choose other compilers.
 set -euo pipefail
 cd "$(dirname "$0")/.."
@@ -31,10 +31,10 @@ for sanitize in "" "-fsanitize=address,undefined -fno-sanitize-recover=all -g"; 
         # shellcheck disable=SC2086
         "$cc" -std=c11 -O1 "${warnings[@]}" $sanitize -I"$include" capi/examples/ply.c "${link[@]}" -lm -o "$scratch/ply"
         # shellcheck disable=SC2086
-        "$cxx" -std=c++17 -O1 "${warnings[@]}" $sanitize -I"$include" capi/examples/fabric.cpp "${link[@]}" -pthread -o "$scratch/fabric"
+        "$cxx" -std=c++17 -O1 "${warnings[@]}" $sanitize -I"$include" capi/examples/cloth.cpp "${link[@]}" -pthread -o "$scratch/material"
         "$scratch/ply" >"$scratch/got.txt"
         diff "$scratch/expected.txt" "$scratch/got.txt"
-        "$scratch/fabric"
+        "$scratch/material" "$scratch/jersey.pwc"
         # shellcheck disable=SC2086
         "$cc" -std=c11 -O1 "${warnings[@]}" $sanitize -I"$include" capi/examples/cloth.c "${link[@]}" -lm -o "$scratch/cloth"
         "$scratch/cloth" "$scratch/jersey.pwc" fabrics/models/polyester.pwm

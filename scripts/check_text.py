@@ -17,7 +17,7 @@ COMMENT = {".rs": re.compile(r"\s*(///|//!|//)\s?(.*)"), ".py": re.compile(r"\s*
 SENTENCE = re.compile(r"(?<![A-Z])(?<!\b[a-z])(?<!Eq)(?<!Fig)(?<!etc)(?<!e\.g)(?<!i\.e)(?<!vs)(?<!al)[.?!] +[A-Z`*\[]")
 # Numbers of a list, and abbreviations in titles of journals, end no sentence.
 NO_END = re.compile(r"^\s*\d+\. |\b(Sci|Numer|Phys|Comput|Adv|Rev|Arch|Math)\. ")
-# Specs whose text is part of models and fabrics that ship change with these alone; notes are of their day.
+# Specs whose text is part of models that ship change with these alone; notes are of their day.
 SKIPPED = ("docs/research/", "fabrics/", "tests/data/", "CHANGELOG.md")
 
 

@@ -1,12 +1,12 @@
 #!/usr/bin/env python3
-"""Renders the pictures of the gallery into a folder, with an index of what was rendered how.
+"""Renders the pictures of cloths of the gallery into a folder, with an index of what was rendered how.
 
-    scripts/gallery.py -o out/gallery                      all pictures
-    scripts/gallery.py -o out/gallery --only slits,twist   these pictures
-    scripts/gallery.py -o out/gallery --quick              small and rough
+    scripts/gallery.py -o out/gallery                     all pictures
+    scripts/gallery.py -o out/gallery --only slits,gaps   these pictures
+    scripts/gallery.py -o out/gallery --quick             small and rough
 
-The folder gets NAME.png, page/NAME.jpg, the fabrics and models, the index gallery.json, and gallery.md.
-A picture is skipped where its specs, models and flags are those of the index.
+The folder gets NAME.png, page/NAME.jpg, the cloths with their plies, the index gallery.json, and gallery.md.
+A picture is skipped where its specs, models and flags are those of the index, and so is the making of a cloth.
 Needs Python 3.11, Pillow, and the program: cargo build --release -p plywave-cli.
 """
 import argparse
@@ -29,105 +29,81 @@ ROOT = Path(__file__).resolve().parent.parent
 PLYWAVE = ROOT / "target/release/plywave"
 FABRICS = (ROOT / "fabrics").resolve()
 FONT = ROOT / "cli/fonts/DejaVuSans.ttf"
+CLOTHS = FABRICS / "cloths"
 INDEX = "gallery.json"
-MODEL = re.compile(r'^model = "models/(\w+)\.pwm"$', re.MULTILINE)
+PLY = re.compile(r'^model = "plies/(\w+)\.toml"$', re.MULTILINE)
 
 # Pixels a side of a panel by the number of panels, samples a pixel, most scatterings of a path.
 SIDES, SAMPLES, DEPTH = {1: 1024, 2: 640, 3: 480, 4: 400, 5: 320}, 48, 8
 QUICK_SIDE, QUICK_SAMPLES = 128, 16
-# Flags of `plywave build`: a fit is good enough for a picture, however large its errors are.
-BUILD = "--preset preview --max-error-refl 10 --max-error-high 10 --fresh"
-QUICK_BUILD = f"{BUILD} --paths 60000 --instances 4"
+# Instances of the fiber from which the speckle of a ply is made.
+INSTANCES, QUICK_INSTANCES = 200, 8
 # Pixels between panels and below them, color and size of titles; most bytes of a JPEG, qualities to try.
 BETWEEN, BELOW, INK, TEXT = 6, 28, (32, 32, 38), 15
 PAGE_BYTES, PAGE_QUALITIES = 300_000, (92, 88, 82, 74, 64)
 
-# Plies that are built: yarn spec, key of it, value. As many kidneys as circles still pack into the ply.
-KIDNEY = '{ kind = "kidney", a_um = 9.6, b_um = 5.1, dent = 0.35, lumen = 0.5 }'
-PLIES = {"polyester_kidneys": ("polyester", "shape", KIDNEY)} | {
-    f"polyester_pitch_{um}": ("polyester", "fiber_pitch_um", f"{um}.0") for um in (300, 500, 1000, 4000)}
+# Of a cloth of this ending, the models of its plies get speckle.
+SPECKLE = "_speckle"
 
-# Views of a fabric: name, setup, samples over the usual. Of each: width of the cloth [mm], stops, caption.
+# Views of a cloth: name, setup, samples over the usual. Of each: width of the cloth [mm], stops, caption.
 VIEWS = (("close", "swatch", 1), ("front", "front", 1), ("drape", "drape", 1), ("back", "back", 2))
-CLOTHS = {
-    "polyester_satin": (
-        (2.2, 0, "Polyester satin, close: floats of the warp over four picks, and points where a pick binds an end."),
-        (10, 0, "Polyester satin: points of binding in five-end satin order, under a small lamp."),
-        (400, 0.3, "Polyester satin over a ball, under a large lamp: highlights follow the folds across the warp."),
-        (16, -1, "Polyester satin before a lamp: gaps are few, and so narrow that they throw light to the sides.")),
-    "cotton_twill": (
-        (4.5, 0.8, "Denim, close: indigo ends of three plies over three white picks of four."),
-        (16, 0.8, "Denim: the diagonal of a 3/1 twill."),
-        (400, 0.8, "Denim over a ball."),
-        (20, 1, "Denim before a lamp: light comes through where picks show between ends.")),
-    "silk_organza": (
-        (1.6, 0, "Silk organza, close: plain weave of single filament yarns, open between them."),
+SHOWN = {
+    "satin": (
+        (2.2, 0, "Satin lining, close: floats of the warp over four picks, in bundles of filaments."),
+        (10, 0, "Satin lining, flat, under a small lamp."),
+        (400, 0.3, "Satin lining over a ball, under a large lamp."),
+        (16, -1, "Satin lining before a lamp: no line along the normal passes between its yarns.")),
+    "organza": (
+        (1.6, 0, "Silk organza, close: open plain weave of two-ply yarns."),
         (8, 0, "Silk organza in front of the dark."),
-        (400, 0.5, "Silk organza over a ball: sheer where one layer hangs, denser at folds and toward grazing views."),
-        (16, -1.5, "Silk organza before a lamp: yarns draw a cross, along warp and weft, about the blurred lamp.")),
-    "wool_plain": (
-        (5, 1.5, "Worsted, close: plain weave of two-ply wool, dyed charcoal."),
-        (20, 1.5, "Worsted: plain weave of two-ply wool, dyed charcoal."),
-        (400, 1.5, "Worsted over a ball."),
-        (20, 0.5, "Worsted before a lamp: dark yarns, so that the gaps alone show.")),
-    "cotton_plain": (
-        (4, 0, "Bleached muslin, close: plain weave of two-ply cotton."),
-        (16, 0, "Bleached muslin: bright and even, with small gaps."),
-        (400, 0, "Bleached muslin over a ball."),
-        (20, -1, "Bleached muslin before a lamp: the yarns glow as brightly as from the front.")),
+        (400, 0.5, "Silk organza over a ball: a third of the cloth is open."),
+        (16, -1.5, "Silk organza before a lamp: light through its gaps is diffracted.")),
+    "jersey": (
+        (4, 0, "Jersey, close: knit stitches of a single cotton yarn."),
+        (20, 0, "Jersey, flat: columns of knit stitches."),
+        (400, 0, "Jersey over a ball."),
+        (20, -1, "Jersey before a lamp: light comes through between the stitches.")),
+    "rib": (
+        (4, 0.5, "Rib, close: columns of knit and of purl stitches in turn."),
+        (20, 0.5, "Rib, flat."),
+        (400, 0.5, "Rib over a ball."),
+        (20, -0.5, "Rib before a lamp.")),
+    "hopsack": (
+        (5, 1, "Hopsack, close: pairs of two-ply woolen yarns in a basket weave."),
+        (20, 1, "Hopsack, flat."),
+        (400, 1, "Hopsack over a ball."),
+        (20, 0.5, "Hopsack before a lamp: dark yarns, so that the gaps alone show.")),
 }
 
-SATIN, TWILL, ORGANZA = "polyester_satin", "cotton_twill", "silk_organza"
-GAPS = "Light before a lamp (Yu 2025, Fig. 14): straight through the gaps it shows the lamp, diffracted it spreads."
+SATIN, ORGANZA, JERSEY = "satin", "organza", "jersey"
 # Comparisons: caption, scene, width of the cloth [mm], samples over the usual, and panels from left to right.
-# Of each panel: title, cloth, stops, flags. FABRIC_of_PLY is a fabric with another ply for warp and weft.
+# Of each panel: title, cloth, stops, flags.
 COMPARISONS = {
     "grazing": (
-        "Cloth seen from ten degrees above its plane, against the light: satin, denim, organza.", "grazing", 200, 2,
-        [("satin", SATIN, 0, ""), ("denim", TWILL, 1, ""), ("organza", ORGANZA, 0.5, "")]),
+        "Cloth seen from ten degrees above its plane, against the light: satin, organza, jersey.", "grazing", 200, 2,
+        [("satin", SATIN, 0, ""), ("organza", ORGANZA, 0.5, ""), ("jersey", JERSEY, 0, "")]),
     "layers": (
-        "Denim with and without what yarns below and beside take of each other's light (Yu 2025, Fig. 13).",
-        "swatch", 4.5, 1, [
-            ("all", TWILL, 0.8, "--smooth"), ("no layer below", TWILL, 0.8, "--smooth --without layers"),
-            ("no shadowing", TWILL, 0.8, "--smooth --without shadowing"),
-            ("neither", TWILL, 0.8, "--smooth --without layers,shadowing")]),
-    "gaps_silk_organza": (GAPS, "back", 16, 2, [
-        ("straight", ORGANZA, -2, "--smooth --straight-gaps"), ("diffracted", ORGANZA, -2, "--smooth")]),
-    "gaps_polyester_satin": (GAPS, "back", 16, 2, [
-        ("straight", SATIN, -1, "--smooth --straight-gaps"), ("diffracted", SATIN, -1, "--smooth")]),
+        "Jersey with and without what plies below and beside take of each other's light (Yu 2025, Fig. 13).",
+        "swatch", 4, 1, [
+            ("all", JERSEY, 0, "--smooth"), ("no layer below", JERSEY, 0, "--smooth --without layers"),
+            ("no shadowing", JERSEY, 0, "--smooth --without shadowing"),
+            ("neither", JERSEY, 0, "--smooth --without layers,shadowing")]),
+    "gaps": (
+        "Light through the gaps of organza before a lamp (Yu 2025, Fig. 14), straight on and diffracted.", "back",
+        16, 2, [("straight", ORGANZA, -2, "--smooth --straight-gaps"), ("diffracted", ORGANZA, -2, "--smooth")]),
     "slits": (
         "Organza before a lamp, without and with slits of 3 um between fibers (Yu 2025, Fig. 16).", "back", 16, 2,
         [("no slits", ORGANZA, -0.5, "--smooth"),
          ("slits", ORGANZA, -0.5, "--smooth --slit-um 3 --slit-share 0.25")]),
-    "noise_close": (
-        "Yarns of the twill under a lamp of half a degree, without and with speckle (Yu 2025, Fig. 15).",
-        "swatch", 1.1, 1, [("smooth", TWILL, 0, "--smooth"), ("speckle", TWILL, 0, "")]),
-    "noise_silk": (
-        "Yarns of the organza under a lamp of half a degree, without and with speckle.",
-        "swatch", 0.8, 1, [("smooth", ORGANZA, 0, "--smooth"), ("speckle", ORGANZA, 0, "")]),
-    "fiber_shapes": (
-        "One satin, one absorption (0.003 per um): circles, fibers of cotton's outline, and cotton.", "drape", 400, 1,
-        [(title, f"{SATIN}_of_{ply}", 0, "--smooth --sigma 0.003") for title, ply in (
-            ("circles", "polyester"), ("kidneys", "polyester_kidneys"), ("cotton", "cotton"))]),
-    "twist": (
-        "Satin of plies whose fibers are twisted more and less; pitch in um.", "drape", 400, 1,
-        [(f"{um} um", f"{SATIN}_of_polyester_pitch_{um}", 0, "--smooth") for um in (300, 500, 1000, 4000)]),
-    "absorption": (
-        "Satin of fibers that absorb more and more; sigma per um.", "drape", 400, 1,
-        [(f"{sigma}", SATIN, 0, f"--smooth --sigma {sigma}") for sigma in (0, 0.001, 0.003, 0.01, 0.03)]),
+    "speckle": (
+        "Bundles of the satin under a lamp of half a degree, without and with speckle (Yu 2025, Fig. 15).",
+        "swatch", 0.8, 1, [("smooth", SATIN + SPECKLE, 0, "--smooth"), ("speckle", SATIN + SPECKLE, 0, "")]),
 }
 PICTURES = {
-    f"{fabric}_{view}": (caption, setup, size_mm, samples, [("", fabric, stops, "")])
-    for fabric, shown in CLOTHS.items()
+    f"{cloth}_{view}": (caption, setup, size_mm, samples, [("", cloth, stops, "")])
+    for cloth, shown in SHOWN.items()
     for (view, setup, samples), (size_mm, stops, caption) in zip(VIEWS, shown, strict=True)
 } | COMPARISONS
-
-
-def changed_spec(yarn, key, value):
-    """Gives the text of a yarn spec with another value of a key."""
-    text = (FABRICS / f"{yarn}.toml").read_text(encoding="utf-8")
-    text, found = re.subn(rf"^{key} = .*$", f"{key} = {value}", text, flags=re.MULTILINE)
-    return text if found == 1 else sys.exit(f"{yarn}.toml: the key {key} is there {found} times, not once")
 
 
 def digest(*parts):
@@ -162,7 +138,9 @@ class Gallery:
 
     def __init__(self, folder, quick, dry):
         self.folder, self.quick, self.dry = folder, quick, dry
-        self.index = {"models": {}, "pictures": {}}
+        self.instances = QUICK_INSTANCES if quick else INSTANCES
+        # The cloths that were looked at, by name.
+        self.index, self.ready = {"cloths": {}, "pictures": {}}, {}
         if not dry and (folder / INDEX).is_file():
             self.index |= json.loads((folder / INDEX).read_text(encoding="utf-8"))
 
@@ -190,30 +168,41 @@ class Gallery:
         self.write(INDEX, json.dumps(self.index, indent=1) + "\n")
         self.write("gallery.md", page)
 
-    def model(self, name):
-        """Copies a model that ships, or builds one of PLIES where its spec or flags changed; gives its bytes."""
-        file = self.folder / f"fabrics/models/{name}.pwm"
-        if name in PLIES:
-            spec, flags = changed_spec(*PLIES[name]), QUICK_BUILD if self.quick else BUILD
-            inputs = digest(spec.encode(), flags.encode())
-            if self.index["models"].get(name) != inputs or not (self.dry or file.is_file()):
-                self.write(f"fabrics/{name}.toml", spec)
-                self.plywave(f"build fabrics/{name}.toml {flags} -o fabrics/models/{name}.pwm")
-                self.index["models"][name] = inputs
-                self.save()
-        elif not self.dry:
-            shutil.copyfile(FABRICS / f"models/{name}.pwm", file)
-        return b"" if self.dry else file.read_bytes()
+    def ply(self, name):
+        """Copies the spec and the model of a ply into the folder; gives their bytes."""
+        files = [CLOTHS / f"plies/{name}{ending}" for ending in (".toml", ".pwm")]
+        if not self.dry:
+            for file in files:
+                shutil.copyfile(file, self.folder / "cloths/plies" / file.name)
+        return b"".join(file.read_bytes() for file in files)
+
+    def speckle(self, name):
+        """Makes the model of a ply with speckle."""
+        ply = f"cloths/plies/{name}"
+        self.plywave(f"wave speckle {ply}.toml --instances {self.instances} --fresh -o {ply}.pws")
+        self.plywave(f"noise {ply}.pws -m {ply}.pwm -o {ply}{SPECKLE}.pwm")
 
     def cloth(self, cloth):
-        """Puts a fabric spec and its models into the folder; gives a digest of all of it."""
-        fabric, _, ply = cloth.partition("_of_")
-        text = (FABRICS / f"{fabric}.toml").read_text(encoding="utf-8")
-        models = sorted(set(MODEL.findall(text))) or sys.exit(f"{fabric}.toml: no line {MODEL.pattern}")
-        if ply:
-            models, text = [ply], MODEL.sub(f'model = "models/{ply}.pwm"', text)
-        self.write(f"fabrics/{cloth}.toml", text)
-        return digest(text.encode(), *map(self.model, models))
+        """Makes a cloth file in the folder, unless it is there with the same inputs; gives their digest."""
+        if cloth in self.ready:
+            return self.ready[cloth]
+        name, has_speckle = cloth.removesuffix(SPECKLE), cloth.endswith(SPECKLE)
+        text = (CLOTHS / f"{name}.toml").read_text(encoding="utf-8")
+        plies = sorted(set(PLY.findall(text))) or sys.exit(f"{name}.toml: no line {PLY.pattern}")
+        if has_speckle:
+            text = PLY.sub(rf'model = "plies/\1{SPECKLE}.pwm"', text)
+        made_of = [text.encode(), *map(self.ply, plies), str(self.instances if has_speckle else 0).encode()]
+        inputs, file = digest(*made_of), f"cloths/{cloth}.pwc"
+        if self.index["cloths"].get(cloth) != inputs or not (self.dry or (self.folder / file).is_file()):
+            self.write(f"cloths/{cloth}.toml", text)
+            if has_speckle:
+                for ply in plies:
+                    self.speckle(ply)
+            self.plywave(f"weave cloths/{cloth}.toml -o {file}")
+            self.index["cloths"][cloth] = inputs
+            self.save()
+        self.ready[cloth] = inputs
+        return inputs
 
     def shots(self, name):
         """Gives what each panel of a picture is rendered with: title, file, command, digest of its inputs."""
@@ -221,7 +210,7 @@ class Gallery:
         side, usual = (QUICK_SIDE, QUICK_SAMPLES) if self.quick else (SIDES[len(panels)], SAMPLES)
         for k, (title, cloth, stops, flags) in enumerate(panels, 1):
             inputs, file = self.cloth(cloth), f"panels/{name}_{k}.png"
-            command = (f"render fabrics/{cloth}.toml --setup {setup} --size-mm {size_mm} --width {side}"
+            command = (f"render cloths/{cloth}.pwc --setup {setup} --size-mm {size_mm} --width {side}"
                        f" --height {side} --samples {samples * usual} --depth {DEPTH} --exposure {stops}"
                        f" {flags} --no-exr -o {file}")
             yield {"title": title, "file": file, "command": " ".join(command.split()), "digest": inputs}
@@ -247,8 +236,8 @@ class Gallery:
 
 def why_refused(folder):
     """Gives why a folder cannot be the output; nothing where it can."""
-    if any((folder / part).resolve().is_relative_to(FABRICS) for part in ("", "fabrics", "fabrics/models")):
-        return "writes into the fabrics that the gallery reads; name another folder"
+    if any((folder / part).resolve().is_relative_to(FABRICS) for part in ("", "cloths", "cloths/plies")):
+        return "writes into the specs that the gallery reads; name another folder"
     if folder.exists() and not (folder / INDEX).is_file() and (folder.is_file() or any(folder.iterdir())):
         return f"is there, without {INDEX}; name another folder, or an empty one"
     return ""
@@ -259,7 +248,7 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__.split("\n\n")[0])
     parser.add_argument("-o", "--output", required=True, type=Path, metavar="FOLDER", help="folder to write")
     parser.add_argument("--only", metavar="NAME,NAME", help="these pictures only; an unknown name lists all")
-    parser.add_argument("--quick", action="store_true", help="small pictures of few samples, rough models")
+    parser.add_argument("--quick", action="store_true", help="small pictures of few samples")
     parser.add_argument("--dry-run", action="store_true", help="print the commands and run none")
     args = parser.parse_args()
     names = args.only.split(",") if args.only else list(PICTURES)
@@ -270,7 +259,7 @@ def main():
     if not args.dry_run:
         if Image is None or not PLYWAVE.is_file():
             sys.exit("needs Pillow (pip install pillow) and the program (cargo build --release -p plywave-cli)")
-        for part in ("fabrics/models", "panels", "page"):
+        for part in ("cloths/plies", "panels", "page"):
             (args.output / part).mkdir(parents=True, exist_ok=True)
     gallery = Gallery(args.output.resolve(), args.quick, args.dry_run)
     gallery.save()  # So that the folder is known as a gallery's, and a stopped run can go on in it.

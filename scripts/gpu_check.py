@@ -17,8 +17,8 @@ import numpy as np
 
 ROOT = pathlib.Path(__file__).resolve().parents[1]
 FABRICS = ROOT / "fabrics"
-SATIN, WOOL = str(FABRICS / "polyester_satin.toml"), str(FABRICS / "wool_plain.toml")
-ORGANZA, TWILL = str(FABRICS / "silk_organza.toml"), str(FABRICS / "cotton_twill.toml")
+#: Cloth specs.
+JERSEY, ORGANZA, HOPSACK, SATIN = (str(FABRICS / "cloths" / f"{name}.toml") for name in ("jersey", "organza", "hopsack", "satin"))
 PLY = str(FABRICS / "models" / "polyester.pwm")
 #: Wavelengths of spectral variants where a case has the same ones for all queries [nm].
 LAMBDA_NM = [450.0, 500.0, 550.0, 650.0]
@@ -100,11 +100,12 @@ def wavelengths(rng, n):
 # Parity with the native library
 
 HEAD = f"{'':46s} {'mean':>9s} {'>1e-4':>9s} {'>1e-3':>9s} {'>1e-2':>9s} {'largest':>9s}"
-#: Limits: relative difference of the means, and the share of queries that are off by more than 1e-2.
-MEAN_LIMIT, SHARE_LIMIT = 5e-4, 2e-3
+#: Limits: relative difference of the means, and the share of queries off by more than 1e-2; of cloths more,
+#: where what is hit at a rim is a choice.
+MEAN_LIMIT, SHARE_LIMIT, CLOTH_LIMIT = 5e-4, 2e-3, 1e-2
 
 
-def compare(name, got, want, floor=1e-3):
+def compare(name, got, want, floor=1e-3, share_limit=SHARE_LIMIT):
     """Relative differences, values below ``floor`` counting as ``floor``; got and want are [n] or [n, channels]."""
     got, want = np.asarray(got), np.asarray(want)
     if got.shape != want.shape:
@@ -116,7 +117,7 @@ def compare(name, got, want, floor=1e-3):
     mean = abs(got.mean(dtype=np.float64) / total - 1.0) if total else float(np.abs(got).mean())
     shares = [float((error > t).mean()) for t in (1e-4, 1e-3, 1e-2)]
     say(f"{name:46s} {mean:9.1e} " + " ".join(f"{s:9.1e}" for s in shares) + f" {error.max():9.1e}")
-    if bad or not mean < MEAN_LIMIT or shares[2] > SHARE_LIMIT:
+    if bad or not mean < MEAN_LIMIT or shares[2] > share_limit:
         fail(f"{name}: {bad} values not finite, means differ by {mean:.1e}, {shares[2]:.1e} of the values by more than 1e-2")
 
 
@@ -147,12 +148,12 @@ def parity_ply(name, model, n):
     compare(f"{name}: density", pdf, density)
 
 
-def parity_fabric(name, spec, options, n):
-    """``plywave_fabric`` against ``Fabric.eval_pdf``; of diffracted gaps half of the directions are about forward."""
+def parity_cloth(name, spec, options, n):
+    """``plywave_cloth`` against ``Cloth.eval_pdf``; of diffracted gaps half of the directions are about forward."""
     rng = np.random.default_rng(3)
     nm, um = wavelengths(rng, n)
-    cloth = plywave.Fabric(spec, **options)
-    bsdf = mi.load_dict({"type": "plywave_fabric", "filename": spec, "um_per_uv": 1.0, **options})
+    cloth = plywave.Cloth(spec, **options)
+    bsdf = mi.load_dict({"type": "plywave_cloth", "filename": spec, "um_per_uv": 1.0, **options})
     position = rng.uniform(-3000, 3000, (n, 2)).astype(np.float32)
     wi, wo = directions(rng, n), directions(rng, n)
     if options["gaps"] == "diffracted":
@@ -163,8 +164,8 @@ def parity_fabric(name, spec, options, n):
     si = interaction(n, points(position), vectors(wi), nm)
     f, pdf = bsdf.eval_pdf(mi.BSDFContext(), si, vectors(wo))
     f, pdf, passes = arrays(f, pdf, bsdf.eval_null_transmission(si))
-    compare(f"{name}: f", f.T, want)
-    compare(f"{name}: density", pdf, density)
+    compare(f"{name}: f", f.T, want, share_limit=CLOTH_LIMIT)
+    compare(f"{name}: density", pdf, density, share_limit=CLOTH_LIMIT)
     compare(f"{name}: straight light", passes.T, straight)
 
 
@@ -241,14 +242,14 @@ def parity_plies(args):
 def parity_cloths(args):
     head(n := queries(args))
     straight, diffracted = {"gaps": "straight"}, {"gaps": "diffracted"}
-    case("cloth satin", parity_fabric, SATIN, straight, n)
+    case("jersey", parity_cloth, JERSEY, straight, n)
     if not args.small:
-        case("cloth satin, no edges", parity_fabric, SATIN, {**straight, "edges": False}, n)
+        case("jersey, no edges", parity_cloth, JERSEY, {**straight, "edges": False}, n)
         plain = {**straight, "edges": False, "layers": False, "shadowing": False}
-        case("the same, no layers, no shadows", parity_fabric, SATIN, plain, n)
-        case("cloth organza, gaps diffracted", parity_fabric, ORGANZA, diffracted, n)
-        case("cloth wool, two plies", parity_fabric, WOOL, straight, n)
-        case("cloth twill, three and four plies", parity_fabric, TWILL, straight, n)
+        case("the same, no layers, no shadows", parity_cloth, JERSEY, plain, n)
+        case("organza, gaps diffracted", parity_cloth, ORGANZA, diffracted, n)
+        case("hopsack, two plies", parity_cloth, HOPSACK, straight, n)
+        case("satin, seven bundles", parity_cloth, SATIN, straight, n)
 
 
 def parity_fibers(args):
@@ -310,14 +311,14 @@ def weights_of(name, bsdf, extent, n):
 
 def sampled_kinds(args, folder):
     """By name a BSDF, a point in uv, and how far around points are drawn [um]; 0 where uv are those of a curve."""
-    fabric = {"type": "plywave_fabric", "um_per_uv": 1.0}
+    cloth = {"type": "plywave_cloth", "um_per_uv": 1.0}
     fiber = {"type": "plywave_fiber", "rotation_deg": 20.0}
     round_one, kidney = (fiber_table(*FIBERS[kind], folder, 0.25)[0] for kind in ("round", "kidney"))
     kinds = {
         "ply": ({"type": "plywave_ply", "filename": PLY, "sigma_per_um": 0.003}, (0.0, 0.0), 0.0),
-        "cloth": ({**fabric, "filename": SATIN}, (60.0, 33.0), 500.0),
+        "cloth": ({**cloth, "filename": JERSEY}, (60.0, 33.0), 500.0),
         "fiber": ({**fiber, "filename": kidney, "width": "wave"}, (0.3, 0.7), 0.0),
-        "gap": ({**fabric, "filename": ORGANZA}, (0.0, 0.0), 500.0),
+        "gap": ({**cloth, "filename": ORGANZA}, (0.0, 0.0), 500.0),
         "round fiber": ({**fiber, "filename": round_one, "width": "curve"}, (0.3, 0.7), 0.0),
     }
     made = {}
@@ -378,13 +379,12 @@ def gradient(name, keys, key, extent, n):
 
 
 def picture_gradient(name):
-    """Of the mean of a rendered picture of satin by its warp's absorption, against central differences, to 1 %."""
+    """Of the mean of a rendered picture of a jersey by its absorption, against central differences, to 1 %."""
     sensor = {"type": "perspective", "fov": 30, "to_world": mi.ScalarTransform4f().look_at([0, -1.2, 2.2], [0, 0, 0], [0, 0, 1])}
     sensor["film"] = {"type": "hdrfilm", "width": 32, "height": 32, "rfilter": {"type": "box"}}
     lamp = {"type": "point", "position": [1, 1, 2], "intensity": 3.0}
-    key, sigma, step = "cloth.bsdf.warp_sigma_per_um.value", 0.004, 2e-4
-    cloth = {"type": "plywave_fabric", "filename": SATIN, "um_per_uv": 2e4, "gaps": "straight"}
-    cloth |= {"warp_sigma_per_um": sigma, "weft_sigma_per_um": sigma}
+    key, sigma, step = "cloth.bsdf.sigma_per_um.value", 0.004, 2e-4
+    cloth = {"type": "plywave_cloth", "filename": JERSEY, "um_per_uv": 2e4, "gaps": "straight", "sigma_per_um": sigma}
     scene = {"type": "scene", "integrator": {"type": "direct"}, "sensor": sensor, "lamp": lamp}
     scene["cloth"] = {"type": "rectangle", "bsdf": cloth}
     scene = mi.load_dict(scene)
@@ -412,8 +412,8 @@ def gradients(args):
     n = 5_000 if args.small else 200_000
     case("ply", gradient, {"type": "plywave_ply", "filename": PLY}, "sigma_per_um", 0.0, n)
     if not args.small:
-        satin = {"type": "plywave_fabric", "filename": SATIN, "um_per_uv": 1.0, "gaps": "straight"}
-        case("cloth", gradient, satin, "warp_sigma_per_um", 3000.0, n)
+        jersey = {"type": "plywave_cloth", "filename": JERSEY, "um_per_uv": 1.0, "gaps": "straight"}
+        case("cloth", gradient, jersey, "sigma_per_um", 3000.0, n)
         case("a picture", picture_gradient)
 
 
@@ -490,8 +490,8 @@ def throughput(name, keys, is_curve, is_opaque, n, repeats):
 
 
 def native_rate(name, n):
-    """The native library on all threads of the processor, satin."""
-    rng, cloth = np.random.default_rng(3), plywave.Fabric(SATIN)
+    """The native library on all threads of the processor, jersey."""
+    rng, cloth = np.random.default_rng(3), plywave.Cloth(JERSEY)
     position = rng.uniform(-3000, 3000, (n, 2)).astype(np.float32)
     wi, wo, u = directions(rng, n), directions(rng, n), rng.random((n, 3), dtype=np.float32)
     wi[:, 2] = np.abs(wi[:, 2])
@@ -509,12 +509,12 @@ def native_rate(name, n):
 
 def speed(args):
     many, few, repeats = (1 << 16, 1 << 14, 2) if args.small else (1 << 28, 1 << 24, 3)
-    fabric = {"type": "plywave_fabric", "um_per_uv": 1.0}
+    cloth = {"type": "plywave_cloth", "um_per_uv": 1.0}
     say(f"{many} random queries, {few} of cloth, wi above the surface, wo all around, for principled above")
     say("millions a second by the time of the kernel; seconds of compilation; seconds of tracing and launch a call")
     say(f"{'':36s} {'eval_pdf':>10s} {'compile':>9s} {'host':>9s} {'sample':>10s} {'compile':>9s} {'host':>9s}")
     principled = {"type": "principled", "roughness": 0.3, "anisotropic": 0.5, "spec_tint": 0.2}
-    case("native library, satin", native_rate, queries(args))
+    case("native library, jersey", native_rate, queries(args))
     with tempfile.TemporaryDirectory() as folder:
         table = fiber_table(*FIBERS["ellipse"], folder)[0]
         rows = [
@@ -522,11 +522,11 @@ def speed(args):
             ("principled", principled, True, True, many),
             ("hair", {"type": "hair"}, True, False, many),
             ("plywave_ply", {"type": "plywave_ply", "filename": PLY, "sigma_per_um": 0.003}, True, False, many),
-            ("plywave_fabric satin", {**fabric, "filename": SATIN}, False, False, few),
+            ("plywave_cloth jersey", {**cloth, "filename": JERSEY}, False, False, few),
             ("plywave_fiber", {"type": "plywave_fiber", "filename": table}, True, False, many),
-            ("plywave_fabric satin, gaps straight", {**fabric, "filename": SATIN, "gaps": "straight"}, False, False, few),
-            ("plywave_fabric twill", {**fabric, "filename": TWILL}, False, False, few),
-            ("plywave_fabric organza", {**fabric, "filename": ORGANZA}, False, False, few),
+            ("plywave_cloth jersey, gaps straight", {**cloth, "filename": JERSEY, "gaps": "straight"}, False, False, few),
+            ("plywave_cloth satin", {**cloth, "filename": SATIN}, False, False, few),
+            ("plywave_cloth organza", {**cloth, "filename": ORGANZA}, False, False, few),
         ]
         for name, keys, is_curve, is_opaque, n in rows[:6] if args.small or is_spectral() else rows:
             case(name, throughput, keys, is_curve, is_opaque, n, repeats)
@@ -690,6 +690,8 @@ def main():
     parser.add_argument("--out", default=".", help="folder of the pictures")
     parser.add_argument("--mesh", default="", help="file of the sheet of the drape (part mesh makes it)")
     args = parser.parse_args()
+    # Each cloth is made once for all parts.
+    os.environ.setdefault("PLYWAVE_CACHE", os.path.join(os.path.abspath(args.out), "cloths"))
     if args.part != "mesh":
         import drjit as dr
         import mitsuba as mi

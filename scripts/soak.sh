@@ -45,10 +45,12 @@ radius_um = 4.0
 w0_um = 2.0
 TOML
 
+"$plywave" weave "$root/fabrics/cloths/organza.toml" -o organza.pwc --quiet
+
 # A run of each kind, without its output; each takes one to two seconds of a core.
 simulate=(simulate spec.toml --preset preview --paths 200000 --quiet)
 speckle=(wave speckle thin.toml --instances 480 --lambda 0.5 --w0 30 --quiet)
-render=(render "$root/fabrics/silk_organza.toml" --width 96 --height 96 --samples 96 --quiet)
+render=(render organza.pwc --width 64 --height 64 --samples 64 --quiet)
 kinds=(simulate speckle render)
 outputs=(pwt pws png)
 

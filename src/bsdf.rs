@@ -7,7 +7,7 @@
 //! | | fixed by the query | `w` of `eval`, `pdf`, `sample` |
 //! |---|---|---|
 //! | ply, fiber, gap, as in the papers | `omega_i`: where the beam comes from | `omega_o`: where light goes |
-//! | fabric in a path tracer from the camera | `wo`: towards the camera | `wi`: towards the light |
+//! | cloth in a path tracer from the camera | `wo`: towards the camera | `wi`: towards the light |
 //!
 //! docs/howto/host_rust.md lists the corresponding names in pbrt and Mitsuba.
 

@@ -12,7 +12,6 @@ pub mod check;
 pub mod cloth;
 pub mod color;
 mod error;
-pub mod fabric;
 pub mod fiber;
 pub mod frame;
 pub mod gap;
@@ -26,8 +25,8 @@ pub mod table;
 pub mod twin;
 
 pub use bsdf::{Bsdf, BsdfSample};
+pub use cloth::{ClothModel, ClothQuery};
 pub use error::{Error, Result, one_line};
-pub use fabric::{FabricModel, FabricQuery};
 pub use fiber::{FiberBsdf, FiberModel, FiberQuery};
 pub use ply::{FamilyParams, PlyBsdf, PlyFamily, PlyModel, PlyQuery};
 

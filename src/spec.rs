@@ -1,4 +1,4 @@
-//! Specs in TOML: their common rules, and the yarn spec. The fabric spec is in `fabric/`.
+//! Specs in TOML: their common rules, and the yarn spec. The cloth spec is in `cloth/`.
 
 mod beam;
 mod family_rules;

@@ -1,11 +1,11 @@
 //! The twin of a cloth: the light that path tracing of its explicit fibers scatters, for some views, and
 //! comparison of a cloth model with it.
 //!
-//! `plywave twin` writes it, `plywave check FABRIC --twin` compares. The twin shares no model with the cloth:
+//! `plywave twin` writes it, `plywave check CLOTH --twin` compares. The twin shares no model with the cloth:
 //! it contains only the fibers, their walls and the center lines of the yarns. Parallel light from the view
 //! direction `a` falls uniformly on the cloth, from the face or from the back. The twin stores the fraction
 //! of it that leaves in each direction `b`, as an energy density [1/sr] that includes the cosine at `b`, like
-//! [`crate::FabricModel`]'s `eval` with `wo = a`. Light that hits no fiber is separate: `straight`.
+//! [`crate::ClothModel`]'s `eval` with `wo = a`. Light that hits no fiber is separate: `straight`.
 
 mod compare;
 mod file;
@@ -74,7 +74,7 @@ pub struct ClothTwin {
     pub spec_text: String,
     /// Program version that wrote it.
     pub program_version: String,
-    /// Name of the fabric.
+    /// Name of the cloth.
     pub name: String,
     /// Seed of the run.
     pub seed: u64,
@@ -82,7 +82,7 @@ pub struct ClothTwin {
     pub repeat_um: [f64; 2],
     /// Traced repeats along x and y.
     pub repeats: [u32; 2],
-    /// `[view][3]`: unit directions that the light comes from, in the fabric's frame; z below 0 is from the
+    /// `[view][3]`: unit directions that the light comes from, in the cloth's frame; z below 0 is from the
     /// back.
     pub views: Vec<f64>,
     /// `[sigma][2]`: absorption coefficients of warp and weft [1/um].

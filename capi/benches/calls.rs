@@ -1,5 +1,5 @@
 //! Cost of a call through the C interface over that of Rust's, for single calls and batches, of plies and
-//! fabrics.
+//! cloths.
 //!
 //! `cargo bench -p plywave-capi --bench calls`. The two take turns in one run, 40 times; each line has the
 //! least times of both [ns a query], their ratio, and the median over the turns of the ratio of each turn,
@@ -8,9 +8,9 @@
 
 #![allow(clippy::undocumented_unsafe_blocks)] // Of all blocks: live pointers of the lengths that the calls ask for.
 
-use plywave::fabric::FabricOptions;
+use plywave::cloth::ClothOptions;
 use plywave::ply::Queries;
-use plywave::{Bsdf, FabricModel, FabricQuery, PlyModel, PlyQuery};
+use plywave::{Bsdf, ClothModel, ClothQuery, PlyModel, PlyQuery};
 use plywave_capi::*;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
@@ -19,6 +19,9 @@ use std::hint::black_box;
 use std::mem::MaybeUninit;
 use std::ptr::null_mut;
 use std::time::Instant;
+
+#[path = "../tests/it/small_cloth.rs"]
+mod small_cloth;
 
 const FABRICS: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../fabrics");
 const TURNS: usize = 40;
@@ -201,46 +204,47 @@ fn plies() {
     unsafe { plywave_ply_free(ply) };
 }
 
-fn fabrics() {
-    let path = format!("{FABRICS}/cotton_twill.toml");
-    let fabric = FabricModel::load(&path, &FabricOptions::default()).expect("a fabric that ships");
-    let mut c_fabric = null_mut();
-    let path = CString::new(path).expect("no 0");
-    let loaded = unsafe { plywave_fabric_load(path.as_ptr(), std::ptr::null(), &mut c_fabric, null_mut()) };
+fn cloths() {
+    let bytes = small_cloth::cloth(2).to_bytes().expect("a valid cloth");
+    let cloth = ClothModel::from_bytes(&bytes, "plain", &ClothOptions::default()).expect("a cloth");
+    let mut c_cloth = null_mut();
+    let options = PlywaveClothOptions { no_far: 1, ..zeroed() };
+    let loaded = unsafe {
+        plywave_cloth_from_memory(bytes.as_ptr(), bytes.len(), c"plain".as_ptr(), &options, &mut c_cloth, null_mut())
+    };
     assert_eq!(loaded, PlywaveStatus::Ok);
     let mut rng = Pcg64Mcg::seed_from_u64(2);
-    let [width, height] = fabric.fabric().repeat_um().map(|r| 100.0 * r as f32);
-    let queries: Vec<FabricQuery<'_, 3>> = (0..QUERIES)
+    let queries: Vec<ClothQuery<'_, 3>> = (0..QUERIES)
         .map(|_| {
             let mut wo = direction(&mut rng);
             wo[2] = wo[2].abs();
-            FabricQuery::rgb([width * rng.random::<f32>(), height * rng.random::<f32>()], wo)
+            ClothQuery::rgb(rng.random::<[f32; 2]>().map(|r| 3e4 * r), wo)
         })
         .collect();
-    let c_queries: Vec<PlywaveFabricQuery> = queries
+    let c_queries: Vec<PlywaveClothQuery> = queries
         .iter()
-        .map(|q| PlywaveFabricQuery { position_um: q.position_um, wo: q.wo, count: 3, channels: 1, ..zeroed() })
+        .map(|q| PlywaveClothQuery { position_um: q.position_um, wo: q.wo, count: 3, channels: 1, ..zeroed() })
         .collect();
     let w: Vec<[f32; 3]> = (0..QUERIES).map(|_| direction(&mut rng)).collect();
     let u: Vec<[f32; 3]> = (0..QUERIES).map(|_| rng.random()).collect();
-    let at = fabric.at(&queries[0]);
+    let at = cloth.at(&queries[0]);
     let mut bsdf: PlywaveBsdf = zeroed();
-    assert_eq!(unsafe { plywave_fabric_at(c_fabric, &c_queries[0], &mut bsdf, null_mut()) }, PlywaveStatus::Ok);
-    let (prepare, eval_pdf) = (black_box(plywave_fabric_at), black_box(plywave_bsdf_eval_pdf));
+    assert_eq!(unsafe { plywave_cloth_at(c_cloth, &c_queries[0], &mut bsdf, null_mut()) }, PlywaveStatus::Ok);
+    let (prepare, eval_pdf) = (black_box(plywave_cloth_at), black_box(plywave_bsdf_eval_pdf));
     let sample = black_box(plywave_bsdf_sample);
     measure(
-        "fabric: prepare",
-        || queries.iter().for_each(|q| keep(&fabric.at(q))),
+        "cloth: prepare",
+        || queries.iter().for_each(|q| keep(&cloth.at(q))),
         || {
             let mut bsdf = MaybeUninit::uninit();
             c_queries.iter().for_each(|q| {
-                black_box(unsafe { prepare(c_fabric, q, bsdf.as_mut_ptr(), null_mut()) });
+                black_box(unsafe { prepare(c_cloth, q, bsdf.as_mut_ptr(), null_mut()) });
                 black_box(&bsdf);
             })
         },
     );
     measure(
-        "fabric, prepared: eval and pdf",
+        "cloth, prepared: eval and pdf",
         || w.iter().for_each(|w| keep(at.eval_pdf(*w))),
         || {
             w.iter().for_each(|w| {
@@ -251,7 +255,7 @@ fn fabrics() {
         },
     );
     measure(
-        "fabric, prepared: sample",
+        "cloth, prepared: sample",
         || u.iter().for_each(|u| keep(at.sample(*u))),
         || {
             u.iter().for_each(|u| {
@@ -262,10 +266,10 @@ fn fabrics() {
         },
     );
     measure(
-        "fabric: prepare, eval and pdf, sample",
+        "cloth: prepare, eval and pdf, sample",
         || {
             for i in 0..QUERIES {
-                let at = fabric.at(&queries[i]);
+                let at = cloth.at(&queries[i]);
                 black_box((at.eval_pdf(w[i]), at.sample(u[i])));
             }
         },
@@ -275,7 +279,7 @@ fn fabrics() {
                 let (mut f, mut p, mut s) = ([0.0f32; 3], 0.0, MaybeUninit::uninit());
                 unsafe {
                     let bsdf = bsdf.as_mut_ptr();
-                    black_box(prepare(c_fabric, &c_queries[i], bsdf, null_mut()));
+                    black_box(prepare(c_cloth, &c_queries[i], bsdf, null_mut()));
                     black_box(eval_pdf(bsdf, w[i].as_ptr(), f.as_mut_ptr(), &mut p, null_mut()));
                     black_box(sample(bsdf, u[i].as_ptr(), s.as_mut_ptr(), null_mut()));
                 }
@@ -287,26 +291,26 @@ fn fabrics() {
     let (mut cf, mut cp) = (f.clone(), p.clone());
     let (w_at, f_at, p_at) = (w.as_ptr().cast(), cf.as_mut_ptr().cast(), cp.as_mut_ptr());
     measure(
-        "fabric: batch of directions",
+        "cloth: batch of directions",
         || at.eval_batch(&w, &mut f, &mut p),
         || keep(unsafe { plywave_bsdf_eval_batch(&bsdf, QUERIES, w_at, f_at, p_at, null_mut()) }),
     );
     measure(
-        "fabric: batch of queries",
+        "cloth: batch of queries",
         || {
             for i in 0..QUERIES {
-                (f[i], p[i]) = fabric.at(&queries[i]).eval_pdf(w[i]);
+                (f[i], p[i]) = cloth.at(&queries[i]).eval_pdf(w[i]);
             }
         },
         || {
             let queries = c_queries.as_ptr();
-            black_box(unsafe { plywave_fabric_eval_batch(c_fabric, QUERIES, queries, w_at, f_at, p_at, null_mut()) });
+            black_box(unsafe { plywave_cloth_eval_batch(c_cloth, QUERIES, queries, w_at, f_at, p_at, null_mut()) });
         },
     );
-    unsafe { plywave_fabric_free(c_fabric) };
+    unsafe { plywave_cloth_free(c_cloth) };
 }
 
 fn main() {
     plies();
-    fabrics();
+    cloths();
 }

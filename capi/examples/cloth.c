@@ -49,7 +49,7 @@ static double energy(const PlywaveCloth *cloth, int n, double *samples) {
     *samples = 0.0;
     for (int i = 0; i < n; ++i) {
         float z = 0.2f + 0.8f * uniform(), phi = 6.2831853f * uniform(), r = sqrtf(1.0f - z * z);
-        PlywaveFabricQuery query = {0};
+        PlywaveClothQuery query = {0};
         query.position_um[0] = 1e4f * uniform();
         query.position_um[1] = 1e4f * uniform();
         query.wo[0] = r * cosf(phi), query.wo[1] = r * sinf(phi), query.wo[2] = z;
@@ -88,7 +88,7 @@ int main(int argc, char **argv) {
     // RGB at a point, and as the mean over a pixel of 5 mm.
     float light[3] = {0.0f, 0.6f, 0.8f};
     for (int far = 0; far < 2; ++far) {
-        PlywaveFabricQuery query = {.position_um = {120.0f, 40.0f}, .wo = {0.0f, 0.0f, 1.0f}, .count = 3, .channels = PLYWAVE_CHANNELS_LINEAR_SRGB};
+        PlywaveClothQuery query = {.position_um = {120.0f, 40.0f}, .wo = {0.0f, 0.0f, 1.0f}, .count = 3, .channels = PLYWAVE_CHANNELS_LINEAR_SRGB};
         query.footprint_um = far ? 5000.0f : 0.0f;
         PlywaveBsdf bsdf;
         float f[3], pdf;

@@ -1,4 +1,4 @@
-// plywave for C11 and C++17: ply, fabric, cloth and fiber models for renderers. Made by capi/header.sh of capi/src; do not edit.
+// plywave for C11 and C++17: ply, cloth and fiber models for renderers. Made by capi/header.sh of capi/src; do not edit.
 //
 // Link with -lplywave (pkg-config: plywave). docs/howto/host_c.md of the project has an example and the link lines.
 //
@@ -7,7 +7,7 @@
 // - A function returns a PlywaveStatus, PLYWAVE_STATUS_OK where it is done; its last argument, which may be NULL, takes code and message of an error.
 // - Handles are made by load, from_bytes and the like, and released by the free of their kind. They never change: threads share them without locks.
 // - A PlywaveBsdf is memory of the caller and is not released. Each thread has its own, or several read one.
-// - Zeroed structs are fine starts: `PlywaveFabricQuery query = {0};`
+// - Zeroed structs are fine starts: `PlywaveClothQuery query = {0};`
 
 
 #ifndef PLYWAVE_H
@@ -24,7 +24,7 @@
 #define PLYWAVE_MAX_COUNT 4
 
 // Size of a prepared query in 64-bit words, without its tag: 6.5 KB with the tag, the size of the largest, a
-// fabric at four wavelengths.
+// cloth at four wavelengths.
 #define PLYWAVE_BSDF_WORDS 848
 
 // Bytes of a message, including its final 0.
@@ -78,8 +78,8 @@ enum PlywaveKind
  {
     // A ply.
     PLYWAVE_KIND_PLY = 1,
-    // A fabric or a cloth.
-    PLYWAVE_KIND_FABRIC = 2,
+    // A cloth.
+    PLYWAVE_KIND_CLOTH = 2,
     // A fiber.
     PLYWAVE_KIND_FIBER = 3,
 };
@@ -180,9 +180,6 @@ typedef int32_t PlywaveYarnColorKind;
 // A loaded cloth: woven, knitted or of curves. It is immutable: any number of threads may use it at once.
 typedef struct PlywaveCloth PlywaveCloth;
 
-// A loaded fabric. It is immutable: any number of threads may use it at once.
-typedef struct PlywaveFabric PlywaveFabric;
-
 // A loaded fiber model. It is immutable: any number of threads may use it at once.
 typedef struct PlywaveFiber PlywaveFiber;
 
@@ -194,8 +191,8 @@ typedef struct PlywaveSlit PlywaveSlit;
 
 // A model at a query. The caller provides the memory, usually on the stack; the library writes and reads its
 // content. It owns nothing and needs no release; it may be copied, moved, and read by many threads. It is
-// valid as long as the handles that it was prepared from: the model, fabric or cloth, and the slit and
-// models of its query.
+// valid as long as the handles that it was prepared from: the model or cloth, and the slit and models of its
+// query.
 typedef struct PlywaveBsdf {
     // Identifies the prepared type.
     uint64_t tag;
@@ -246,7 +243,7 @@ typedef struct PlywaveBsdfInfo {
     // Whether a second layer of yarn lies below the point; for a cloth, whether the line hits both kinds of
     // yarns; 0 or 1.
     int32_t is_double;
-    // For a fabric or a cloth: whether the point lies in a gap, where the line hits no ply; 0 or 1.
+    // For a cloth: whether the point lies in a gap, where the line hits no ply; 0 or 1.
     int32_t is_gap;
     // For a ply: the fraction of the beam that hits no fiber; else 0.
     float r_d;
@@ -361,13 +358,13 @@ typedef struct PlywaveColorReach {
     uint32_t clamped[2];
 } PlywaveColorReach;
 
-// A query at a shading point of a fabric or a cloth. Start from zeroed memory: 0 and NULL mean the default;
+// A query at a shading point of a cloth. Start from zeroed memory: 0 and NULL mean the default;
 // `count` and `wo` are required.
 //
 // The surface's frame: x along the weft (along u), y along the warp (along v), z the normal of the face; of
 // a knit x along the courses, y along the wales. Warp and weft are the first and the second kind of yarn of
 // a cloth; of a cloth with one kind, the weft's have no effect.
-typedef struct PlywaveFabricQuery {
+typedef struct PlywaveClothQuery {
     // Point in the plane of the cloth [um], each coordinate within 1e10 of 0: uv times the size of a unit
     // of uv. Beyond 1e7, 10 m, consecutive f32 values are 1 um apart and more.
     float position_um[2];
@@ -391,70 +388,11 @@ typedef struct PlywaveFabricQuery {
     // Models that override those of the warp and the weft, from `plywave_ply_of_lines`, of the same ply
     // radius and number of plies, or NULL. They must outlive the query prepared with them.
     const struct PlywavePly *models[2];
-    // Diameter of the area of cloth that the point represents [um], such as a pixel's footprint: beyond one
-    // repeat the mean over the repeat is used, if the handle has it: see `far` and `no_far` of the options.
-    // 0 for a point; never negative.
+    // Diameter of the area of cloth that the point represents [um], such as a pixel's footprint: beyond the
+    // size of the cell the mean over the cell is used, if the file has it (see `no_far` of the options). 0
+    // for a point; never negative.
     float footprint_um;
-} PlywaveFabricQuery;
-
-// Options of a fabric's shading. Zeroed memory, or NULL in its place, is the whole model without speckle, in
-// the colors of the spec.
-typedef struct PlywaveFabricOptions {
-    // Not 0: light goes straight through gaps, as a delta. 0: gaps diffract it.
-    int32_t straight_gaps;
-    // Not 0: light that passes beside a ply goes straight on. 0: it is diffracted at its edge.
-    int32_t no_edges;
-    // Not 0: adds speckle in models that have noise.
-    int32_t noise;
-    // Not 0: uses a single layer of yarn. For comparison.
-    int32_t no_layers;
-    // Not 0: turns off shadows of yarns on their neighbors. For comparison.
-    int32_t no_shadowing;
-    // Not 0: `sigma_per_um` overrides all colors.
-    int32_t has_sigma;
-    // One absorption [1/um] at every wavelength for all yarns; 0 for a white furnace.
-    float sigma_per_um;
-    // Not 0: prepares the mean over the repeat, which takes some seconds, for queries with a footprint. 0:
-    // footprints count as points.
-    int32_t far;
-    // Not 0: all yarns have slits between their fibers by `slit_width_um` and `slit_share`, which override
-    // those of the spec.
-    int32_t has_slits;
-    // Width of the slits [um], above 0 and at most 5.
-    float slit_width_um;
-    // Share of a ply's forward light that goes through the slits (0.25 in the paper); 0 for none.
-    float slit_share;
-} PlywaveFabricOptions;
-
-// A file in memory, for `plywave_fabric_from_memory`.
-typedef struct PlywaveAsset {
-    // Name as the spec has it, UTF-8.
-    const char *name;
-    // Content of the file.
-    const uint8_t *bytes;
-    // Number of bytes.
-    size_t size;
-} PlywaveAsset;
-
-// Description of a fabric. Pairs are warp and weft.
-typedef struct PlywaveFabricInfo {
-    // Size of one repeat along x and y [um].
-    double repeat_um[2];
-    // Distance between the axes of neighboring yarns [um].
-    double spacing_um[2];
-    // Width of a yarn [um].
-    double width_um[2];
-    // Plies of a yarn.
-    int32_t plies[2];
-    // Ends and picks of one repeat of the draft.
-    int32_t threads[2];
-    // Greatest distance of any fiber from the middle plane [um].
-    float half_thickness_um;
-    // Quantity that its colors refer to.
-    PlywaveColorOf color_of;
-    // Memory use, without its models.
-    uint64_t memory_bytes;
-} PlywaveFabricInfo;
+} PlywaveClothQuery;
 
 // A query at a shading point of a fiber. Start from zeroed memory; `count` and `omega_i` are required.
 //
@@ -591,7 +529,7 @@ PlywaveStatus plywave_bsdf_sample(const struct PlywaveBsdf *bsdf,
                                   struct PlywaveSample *sample,
                                   struct PlywaveError *error);
 
-// Integral of f over the sphere, to the `count` numbers of `albedo`. For a fabric it takes shadows at their
+// Integral of f over the sphere, to the `count` numbers of `albedo`. For a cloth it takes shadows at their
 // mean over directions.
 PlywaveStatus plywave_bsdf_albedo(const struct PlywaveBsdf *bsdf, float *albedo, struct PlywaveError *error);
 
@@ -642,7 +580,7 @@ PlywaveStatus plywave_ply_check(const struct PlywavePly *ply,
 // Checks a prepared query with `samples` samples and random numbers of `seed`. The integrals use steps that
 // resolve features of `sd_rad` (0.001 to 1) along latitude and azimuth: 0.01 suits most models. It passes
 // with weight times pdf = eval within 1e-3 and a p-value of 1e-4 or more; for plies and fibers, furnace and
-// integral of the pdf must also be within 1e-3. The furnace of a single point of a fabric differs as its
+// integral of the pdf must also be within 1e-3. The furnace of a single point of a cloth differs as its
 // shadows differ from their mean, and is only reported.
 PlywaveStatus plywave_bsdf_check(const struct PlywaveBsdf *bsdf,
                                  double sd_rad,
@@ -707,8 +645,9 @@ PlywaveStatus plywave_cloth_colors(const struct PlywaveCloth *cloth,
                                    size_t *count,
                                    struct PlywaveError *error);
 
-// Absorptions [1/um] with which the cloth has `n` given reflectances; as
-// `plywave_fabric_sigma_of_reflectance`.
+// Absorptions [1/um] with which the cloth has `n` given reflectances, 0 to 1, at wavelengths or in linear
+// RGB: `sigma_per_um` may be `reflectance`. Values out of reach are clamped to clear or black fibers.
+// Convert a texture once, not at every hit. If an entry is invalid, nothing is written.
 PlywaveStatus plywave_cloth_sigma_of_reflectance(const struct PlywaveCloth *cloth,
                                                  size_t n,
                                                  const float *reflectance,
@@ -718,23 +657,28 @@ PlywaveStatus plywave_cloth_sigma_of_reflectance(const struct PlywaveCloth *clot
 // Prepares the cloth at a query for any number of directions. On an error `bsdf` is not prepared, whatever
 // it held before.
 PlywaveStatus plywave_cloth_at(const struct PlywaveCloth *cloth,
-                               const struct PlywaveFabricQuery *query,
+                               const struct PlywaveClothQuery *query,
                                struct PlywaveBsdf *bsdf,
                                struct PlywaveError *error);
 
-// f and pdf of `n` queries, one direction each; as `plywave_fabric_eval_batch`.
+// f and pdf of `n` queries, one direction each: from `queries` `[n]` and `w` `[n][3]` to `f` `[n][count]`
+// and `pdf` `[n]`. All queries have the count of the first.
+//
+// If an entry is invalid, the status is that of the first such entry, `error` has its index, and all entries
+// before it are written. `n` = 0 does nothing.
 PlywaveStatus plywave_cloth_eval_batch(const struct PlywaveCloth *cloth,
                                        size_t n,
-                                       const struct PlywaveFabricQuery *queries,
+                                       const struct PlywaveClothQuery *queries,
                                        const float *w,
                                        float *f,
                                        float *pdf,
                                        struct PlywaveError *error);
 
-// Samples `n` queries once each; as `plywave_fabric_sample_batch`.
+// Samples `n` queries once each: from `queries` `[n]` and `u` `[n][3]` to `samples` `[n]`. Errors are as in
+// `plywave_cloth_eval_batch`.
 PlywaveStatus plywave_cloth_sample_batch(const struct PlywaveCloth *cloth,
                                          size_t n,
-                                         const struct PlywaveFabricQuery *queries,
+                                         const struct PlywaveClothQuery *queries,
                                          const float *u,
                                          struct PlywaveSample *samples,
                                          struct PlywaveError *error);
@@ -745,110 +689,6 @@ PlywaveStatus plywave_cloth_model(const struct PlywaveCloth *cloth,
                                   int32_t kind,
                                   struct PlywavePly **out,
                                   struct PlywaveError *error);
-
-// Reads a fabric spec (TOML) and the models that it names, which lie in its folder or below. `path` is
-// UTF-8; `options` may be NULL. It takes a second or two, to trace inter-yarn scattering. On an error `*out`
-// is NULL. Release it with `plywave_fabric_free`.
-PlywaveStatus plywave_fabric_load(const char *path,
-                                  const struct PlywaveFabricOptions *options,
-                                  struct PlywaveFabric **out,
-                                  struct PlywaveError *error);
-
-// Like `plywave_fabric_load`, but from the text of a spec and the files that it names, `assets` `[n]`;
-// `name` identifies the spec in messages.
-PlywaveStatus plywave_fabric_from_memory(const char *spec,
-                                         const char *name,
-                                         const struct PlywaveAsset *assets,
-                                         size_t n,
-                                         const struct PlywaveFabricOptions *options,
-                                         struct PlywaveFabric **out,
-                                         struct PlywaveError *error);
-
-// Releases a fabric; NULL is allowed. No prepared query and no call may use it afterwards.
-void plywave_fabric_free(struct PlywaveFabric *fabric);
-
-// Describes a fabric.
-PlywaveStatus plywave_fabric_info(const struct PlywaveFabric *fabric,
-                                  struct PlywaveFabricInfo *info,
-                                  struct PlywaveError *error);
-
-// Name of a fabric, as its spec has it. The buffer works as in `plywave_ply_spec`.
-PlywaveStatus plywave_fabric_name(const struct PlywaveFabric *fabric,
-                                  char *buffer,
-                                  size_t size,
-                                  size_t *length,
-                                  struct PlywaveError *error);
-
-// Notes on a fabric, one per line: assumptions where its WIF is silent or wrong, layers that no yarn joins,
-// and what a model does not contain. The buffer works as in `plywave_ply_spec`.
-PlywaveStatus plywave_fabric_notes(const struct PlywaveFabric *fabric,
-                                   char *buffer,
-                                   size_t size,
-                                   size_t *length,
-                                   struct PlywaveError *error);
-
-// The same fabric in other colors, as a new handle, without tracing again. `color_of` is a `PlywaveColorOf`;
-// if it differs from the fabric's, the call takes tenths of a second.
-PlywaveStatus plywave_fabric_with_colors(const struct PlywaveFabric *fabric,
-                                         const struct PlywaveYarnColor *warp,
-                                         const struct PlywaveYarnColor *weft,
-                                         int32_t color_of,
-                                         struct PlywaveFabric **out,
-                                         struct PlywaveError *error);
-
-// The distinct colors of the fabric, each as target and result: the first `capacity` to `colors`, the total
-// number to `*count`.
-PlywaveStatus plywave_fabric_colors(const struct PlywaveFabric *fabric,
-                                    struct PlywaveColorReach *colors,
-                                    size_t capacity,
-                                    size_t *count,
-                                    struct PlywaveError *error);
-
-// Absorptions [1/um] with which the cloth has `n` given reflectances, 0 to 1, at wavelengths or in linear
-// RGB: `sigma_per_um` may be `reflectance`. Values out of reach are clamped to clear or black fibers.
-// Convert a texture once, not at every hit. If an entry is invalid, nothing is written.
-PlywaveStatus plywave_fabric_sigma_of_reflectance(const struct PlywaveFabric *fabric,
-                                                  size_t n,
-                                                  const float *reflectance,
-                                                  float *sigma_per_um,
-                                                  struct PlywaveError *error);
-
-// Prepares the fabric at a query for any number of directions. On an error `bsdf` is not prepared, whatever
-// it held before.
-PlywaveStatus plywave_fabric_at(const struct PlywaveFabric *fabric,
-                                const struct PlywaveFabricQuery *query,
-                                struct PlywaveBsdf *bsdf,
-                                struct PlywaveError *error);
-
-// f and pdf of `n` queries, one direction each: from `queries` `[n]` and `w` `[n][3]` to `f` `[n][count]`
-// and `pdf` `[n]`. All queries have the count of the first.
-//
-// If an entry is invalid, the status is that of the first such entry, `error` has its index, and all entries
-// before it are written. `n` = 0 does nothing.
-PlywaveStatus plywave_fabric_eval_batch(const struct PlywaveFabric *fabric,
-                                        size_t n,
-                                        const struct PlywaveFabricQuery *queries,
-                                        const float *w,
-                                        float *f,
-                                        float *pdf,
-                                        struct PlywaveError *error);
-
-// Samples `n` queries once each: from `queries` `[n]` and `u` `[n][3]` to `samples` `[n]`. Errors are as in
-// `plywave_fabric_eval_batch`.
-PlywaveStatus plywave_fabric_sample_batch(const struct PlywaveFabric *fabric,
-                                          size_t n,
-                                          const struct PlywaveFabricQuery *queries,
-                                          const float *u,
-                                          struct PlywaveSample *samples,
-                                          struct PlywaveError *error);
-
-// The ply model of yarn `thread` of the warp (`family` 0) or the weft (1), as its own handle, for its info,
-// spec and check. Release it with `plywave_ply_free`.
-PlywaveStatus plywave_fabric_model(const struct PlywaveFabric *fabric,
-                                   int32_t family,
-                                   int32_t thread,
-                                   struct PlywavePly **out,
-                                   struct PlywaveError *error);
 
 // Reads and checks a fiber table (.pwf), or the spec of an analytic fiber (.toml). `path` is UTF-8. On an
 // error `*out` is NULL. Release it with `plywave_fiber_free`.
@@ -920,7 +760,7 @@ PlywaveStatus plywave_ply_from_bytes(const uint8_t *bytes,
                                      struct PlywavePly **out,
                                      struct PlywaveError *error);
 
-// The ply of a model lit along single lines instead of a beam, for `PlywaveFabricQuery.models`: its missed
+// The ply of a model lit along single lines instead of a beam, for `PlywaveClothQuery.models`: its missed
 // light is the chance that a line misses, not the mean over a beam. Release it with `plywave_ply_free`.
 PlywaveStatus plywave_ply_of_lines(const struct PlywavePly *ply, struct PlywavePly **out, struct PlywaveError *error);
 

@@ -1,24 +1,24 @@
 //! A prepared query: a model at one query, in the caller's memory, evaluated in any number of directions. One
-//! set of functions serves plies, fabrics, cloths and fibers.
+//! set of functions serves plies, cloths and fibers.
 
 use crate::pointer::{
     disjoint, is_uniform, is_unit, pointer, put, slice, slice_mut, span, three, to_direction, to_random, uniform, unit,
 };
 use crate::status::{AtIndex, Checked, PlywaveError, PlywaveStatus, failure, guard};
-use plywave::fabric::FabricBsdf;
+use plywave::cloth::ClothBsdf;
 use plywave::{Bsdf, BsdfSample, FiberBsdf, PlyBsdf};
 
 /// Largest number of wavelengths or channels of a query.
 pub const PLYWAVE_MAX_COUNT: usize = 4;
 
 /// Size of a prepared query in 64-bit words, without its tag: 6.5 KB with the tag, the size of the largest, a
-/// fabric at four wavelengths.
+/// cloth at four wavelengths.
 pub const PLYWAVE_BSDF_WORDS: usize = 848;
 
 /// A model at a query. The caller provides the memory, usually on the stack; the library writes and reads its
 /// content. It owns nothing and needs no release; it may be copied, moved, and read by many threads. It is
-/// valid as long as the handles that it was prepared from: the model, fabric or cloth, and the slit and
-/// models of its query.
+/// valid as long as the handles that it was prepared from: the model or cloth, and the slit and models of its
+/// query.
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct PlywaveBsdf {
@@ -74,8 +74,8 @@ pub struct PlywaveOutcomes {
 pub enum PlywaveKind {
     /// A ply.
     Ply = 1,
-    /// A fabric or a cloth.
-    Fabric = 2,
+    /// A cloth.
+    Cloth = 2,
     /// A fiber.
     Fiber = 3,
 }
@@ -91,7 +91,7 @@ pub struct PlywaveBsdfInfo {
     /// Whether a second layer of yarn lies below the point; for a cloth, whether the line hits both kinds of
     /// yarns; 0 or 1.
     pub is_double: i32,
-    /// For a fabric or a cloth: whether the point lies in a gap, where the line hits no ply; 0 or 1.
+    /// For a cloth: whether the point lies in a gap, where the line hits no ply; 0 or 1.
     pub is_gap: i32,
     /// For a ply: the fraction of the beam that hits no fiber; else 0.
     pub r_d: f32,
@@ -133,7 +133,7 @@ macro_rules! prepared_types {
 
 prepared_types!(
     Ply PlyBsdf 1, Ply PlyBsdf 3, Ply PlyBsdf 4,
-    Fabric FabricBsdf 1, Fabric FabricBsdf 3, Fabric FabricBsdf 4,
+    Cloth ClothBsdf 1, Cloth ClothBsdf 3, Cloth ClothBsdf 4,
     Fiber FiberBsdf 1, Fiber FiberBsdf 3, Fiber FiberBsdf 4,
 );
 
@@ -179,7 +179,7 @@ pub(crate) unsafe fn as_prepared<'a, T: Prepared>(bsdf: *const PlywaveBsdf) -> &
 pub(crate) fn not_prepared() -> Box<crate::status::Failure> {
     failure(
         PlywaveStatus::NotPrepared,
-        "bsdf was not prepared: call plywave_ply_at, plywave_fabric_at, plywave_cloth_at or plywave_fiber_at first, and look at its status",
+        "bsdf was not prepared: call plywave_ply_at, plywave_cloth_at or plywave_fiber_at first, and look at its status",
     )
 }
 
@@ -204,19 +204,19 @@ macro_rules! with_prepared {
                 let $at = unsafe { as_prepared::<PlyBsdf<'_, 4>>(bsdf) };
                 $body
             }
-            <FabricBsdf<'static, 1> as Prepared>::TAG => {
+            <ClothBsdf<'static, 1> as Prepared>::TAG => {
                 // SAFETY: the tag is that of this type.
-                let $at = unsafe { as_prepared::<FabricBsdf<'_, 1>>(bsdf) };
+                let $at = unsafe { as_prepared::<ClothBsdf<'_, 1>>(bsdf) };
                 $body
             }
-            <FabricBsdf<'static, 3> as Prepared>::TAG => {
+            <ClothBsdf<'static, 3> as Prepared>::TAG => {
                 // SAFETY: the tag is that of this type.
-                let $at = unsafe { as_prepared::<FabricBsdf<'_, 3>>(bsdf) };
+                let $at = unsafe { as_prepared::<ClothBsdf<'_, 3>>(bsdf) };
                 $body
             }
-            <FabricBsdf<'static, 4> as Prepared>::TAG => {
+            <ClothBsdf<'static, 4> as Prepared>::TAG => {
                 // SAFETY: the tag is that of this type.
-                let $at = unsafe { as_prepared::<FabricBsdf<'_, 4>>(bsdf) };
+                let $at = unsafe { as_prepared::<ClothBsdf<'_, 4>>(bsdf) };
                 $body
             }
             <FiberBsdf<'static, 1> as Prepared>::TAG => {
@@ -372,7 +372,7 @@ pub unsafe extern "C" fn plywave_bsdf_sample(
     })
 }
 
-/// Integral of f over the sphere, to the `count` numbers of `albedo`. For a fabric it takes shadows at their
+/// Integral of f over the sphere, to the `count` numbers of `albedo`. For a cloth it takes shadows at their
 /// mean over directions.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn plywave_bsdf_albedo(
@@ -536,10 +536,10 @@ impl<const N: usize> Info for PlyBsdf<'_, N> {
     }
 }
 
-impl<const N: usize> Info for FabricBsdf<'_, N> {
+impl<const N: usize> Info for ClothBsdf<'_, N> {
     fn info(&self) -> PlywaveBsdfInfo {
         let (is_double, is_gap) = (self.is_double().into(), self.is_gap().into());
-        PlywaveBsdfInfo { is_double, is_gap, ..info_of(PlywaveKind::Fabric, N) }
+        PlywaveBsdfInfo { is_double, is_gap, ..info_of(PlywaveKind::Cloth, N) }
     }
 }
 

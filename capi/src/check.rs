@@ -9,7 +9,7 @@ use plywave::check::{
     BsdfReport, CheckOptions, FURNACE_TOLERANCE, KEPT_TOLERANCE, LAYER_TOLERANCE, PartReport, SAMPLED_TOLERANCE_SE,
     WEIGHT_TOLERANCE, check_bsdf, check_layers, check_model, check_whole,
 };
-use plywave::fabric::FabricBsdf;
+use plywave::cloth::ClothBsdf;
 use plywave::{FiberBsdf, PlyBsdf};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
@@ -140,7 +140,7 @@ pub unsafe extern "C" fn plywave_ply_check(
 /// Checks a prepared query with `samples` samples and random numbers of `seed`. The integrals use steps that
 /// resolve features of `sd_rad` (0.001 to 1) along latitude and azimuth: 0.01 suits most models. It passes
 /// with weight times pdf = eval within 1e-3 and a p-value of 1e-4 or more; for plies and fibers, furnace and
-/// integral of the pdf must also be within 1e-3. The furnace of a single point of a fabric differs as its
+/// integral of the pdf must also be within 1e-3. The furnace of a single point of a cloth differs as its
 /// shadows differ from their mean, and is only reported.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn plywave_bsdf_check(
@@ -158,21 +158,21 @@ pub unsafe extern "C" fn plywave_bsdf_check(
         within("samples", samples)?;
         let mut rng = Pcg64Mcg::seed_from_u64(seed);
         let mut uniform = || rng.random();
-        let (r, is_fabric) =
-            with_prepared!(bsdf, at => Ok((check_bsdf(at, [sd_rad; 2], samples, &mut uniform), is_fabric(at))))?;
+        let (r, is_cloth) =
+            with_prepared!(bsdf, at => Ok((check_bsdf(at, [sd_rad; 2], samples, &mut uniform), is_cloth(at))))?;
         let furnace = r.furnace_error <= FURNACE_TOLERANCE && r.pdf_error <= FURNACE_TOLERANCE;
         let passed =
-            r.weight_error <= POINT_WEIGHT_TOLERANCE && r.chi2_p >= POINT_CHI2_THRESHOLD && (is_fabric || furnace);
+            r.weight_error <= POINT_WEIGHT_TOLERANCE && r.chi2_p >= POINT_CHI2_THRESHOLD && (is_cloth || furnace);
         let value = PlywaveReport { passed: passed.into(), ..report(&r, POINT_CHI2_THRESHOLD, 0.0) };
         // SAFETY: the caller's pointer, as documented.
         unsafe { put(found, value, "found") }
     })
 }
 
-/// Limit at one point, the one that `cli/tests/it/fabrics.rs` sets for fabrics.
+/// Limits at one point.
 const POINT_WEIGHT_TOLERANCE: f64 = 1e-3;
 const POINT_CHI2_THRESHOLD: f64 = 1e-4;
 
-fn is_fabric<T: Prepared>(_: &T) -> bool {
-    (T::TAG >> 8) as u8 == crate::bsdf::PlywaveKind::Fabric as u8
+fn is_cloth<T: Prepared>(_: &T) -> bool {
+    (T::TAG >> 8) as u8 == crate::bsdf::PlywaveKind::Cloth as u8
 }

@@ -1,16 +1,14 @@
 //! Cloths of curves, from their files.
 
-use crate::bsdf::{PlywaveBsdf, PlywaveSample, unprepare};
+use crate::bsdf::{PlywaveBsdf, PlywaveSample, prepare, unprepare};
+use crate::cloth_query::{PlywaveClothQuery, query_of};
+use crate::color::{self, PlywaveColorOf, PlywaveColorReach, PlywaveYarnColor, absorption, yarn_color};
 use crate::ply::PlywavePly;
-use crate::pointer::{optional, put, put_text, reference, slice, text};
-use crate::queries::{hand_out, take_back};
+use crate::pointer::{disjoint, optional, pointer, put, put_text, reference, slice, slice_mut, span, text};
+use crate::queries::{by_count, count_of, eval_queries, hand_out, sample_queries, take_back};
 use crate::status::{AtIndex, Checked, PlywaveError, PlywaveStatus, guard, invalid};
-use crate::surface::{
-    self, PlywaveColorOf, PlywaveColorReach, PlywaveFabricQuery, PlywaveYarnColor, SurfaceHandle, absorption, at,
-    eval_batch, put_colors, put_sigma, sample_batch, yarn_color,
-};
-use plywave::cloth::{ClothData, ClothModel};
-use plywave::fabric::{ColorReach, FabricOptions, GapLight, Slits};
+use plywave::Bsdf;
+use plywave::cloth::{ClothData, ClothModel, ClothOptions, GapLight, Slits};
 use plywave::gap::SLIT_MAX_UM;
 use std::ffi::c_char;
 
@@ -25,23 +23,6 @@ const _: () = {
     const fn is_send_sync<T: Send + Sync>() {}
     is_send_sync::<PlywaveCloth>();
 };
-
-impl SurfaceHandle for PlywaveCloth {
-    type Surface = ClothModel;
-    const ARGUMENT: &'static str = "cloth";
-
-    fn surface(&self) -> &ClothModel {
-        &self.cloth
-    }
-
-    fn colors(&self) -> Vec<ColorReach> {
-        self.cloth.colors()
-    }
-
-    fn sigma_of_reflectance(&self, reflectance: f32) -> f32 {
-        self.cloth.sigma_of_reflectance([reflectance])[0]
-    }
-}
 
 /// Options of a cloth's shading. Zeroed memory, or NULL in its place, is the whole model without speckle, in
 /// the colors of the file.
@@ -104,9 +85,9 @@ fn slits(of: &PlywaveClothOptions) -> Checked<Slits> {
     Ok(Slits { width_um, share })
 }
 
-fn options_of(of: Option<&PlywaveClothOptions>) -> Checked<FabricOptions> {
-    let Some(o) = of else { return Ok(FabricOptions { far: true, ..FabricOptions::default() }) };
-    Ok(FabricOptions {
+fn options_of(of: Option<&PlywaveClothOptions>) -> Checked<ClothOptions> {
+    let Some(o) = of else { return Ok(ClothOptions { far: true, ..ClothOptions::default() }) };
+    Ok(ClothOptions {
         gaps: if o.straight_gaps != 0 { GapLight::Straight } else { GapLight::Diffracted },
         sigma_per_um: (o.has_sigma != 0).then(|| absorption(o.sigma_per_um)).transpose()?,
         noise: o.noise != 0,
@@ -251,7 +232,7 @@ pub unsafe extern "C" fn plywave_cloth_with_colors(
             ([warp, weft], 2) => [yarn_color(warp).at(0)?, yarn_color(weft).at(1)?],
             (_, kinds) => return Err(invalid("n", n, &format!("{kinds}, one color for each kind of yarn"))),
         };
-        let cloth = of.cloth.with_colors(colors, surface::color_of(color_of)?);
+        let cloth = of.cloth.with_colors(colors, color::color_of(color_of)?);
         // SAFETY: as above.
         unsafe { hand_out(out, PlywaveCloth { cloth, name: of.name.clone(), notes: of.notes.clone() }) }
     })
@@ -269,12 +250,18 @@ pub unsafe extern "C" fn plywave_cloth_colors(
 ) -> PlywaveStatus {
     guard(error, || {
         // SAFETY: the caller's pointers, as documented.
-        unsafe { put_colors(cloth, colors, capacity, count) }
+        let (of, out) = unsafe { (&reference(cloth, "cloth")?.cloth, slice_mut(colors, capacity, "colors")?) };
+        let all = of.colors();
+        let found = all.len();
+        out.iter_mut().zip(all).for_each(|(out, reach)| *out = reach.into());
+        // SAFETY: as above.
+        unsafe { put(count, found, "count") }
     })
 }
 
-/// Absorptions [1/um] with which the cloth has `n` given reflectances; as
-/// `plywave_fabric_sigma_of_reflectance`.
+/// Absorptions [1/um] with which the cloth has `n` given reflectances, 0 to 1, at wavelengths or in linear
+/// RGB: `sigma_per_um` may be `reflectance`. Values out of reach are clamped to clear or black fibers.
+/// Convert a texture once, not at every hit. If an entry is invalid, nothing is written.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn plywave_cloth_sigma_of_reflectance(
     cloth: *const PlywaveCloth,
@@ -285,7 +272,31 @@ pub unsafe extern "C" fn plywave_cloth_sigma_of_reflectance(
 ) -> PlywaveStatus {
     guard(error, || {
         // SAFETY: the caller's pointers, as documented.
-        unsafe { put_sigma(cloth, n, reflectance, sigma_per_um) }
+        let of = unsafe {
+            // One by one through pointers: the two may be the same array, and then slices of both must not
+            // exist.
+            for (i, r) in slice(reflectance, n, "reflectance")?.iter().enumerate() {
+                if !(0.0..=1.0).contains(r) {
+                    return Err(invalid("reflectance", r, "a number in [0, 1]")).at(i);
+                }
+            }
+            &reference(cloth, "cloth")?.cloth
+        };
+        if n == 0 {
+            return Ok(());
+        }
+        pointer(sigma_per_um, "sigma_per_um")?;
+        if sigma_per_um.addr() != reflectance.addr() {
+            disjoint(span(sigma_per_um, n), &[span(reflectance, n)], "sigma_per_um")?;
+        }
+        for i in 0..n {
+            // SAFETY: both have n entries; entry i is read before it is written.
+            unsafe {
+                let [sigma] = of.sigma_of_reflectance([reflectance.add(i).read()]);
+                sigma_per_um.add(i).write(sigma);
+            }
+        }
+        Ok(())
     })
 }
 
@@ -294,13 +305,20 @@ pub unsafe extern "C" fn plywave_cloth_sigma_of_reflectance(
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn plywave_cloth_at(
     cloth: *const PlywaveCloth,
-    query: *const PlywaveFabricQuery,
+    query: *const PlywaveClothQuery,
     bsdf: *mut PlywaveBsdf,
     error: *mut PlywaveError,
 ) -> PlywaveStatus {
     let status = guard(error, || {
         // SAFETY: the caller's pointers, as documented.
-        unsafe { at(cloth, query, bsdf) }
+        let (of, q) = unsafe { (&reference(cloth, "cloth")?.cloth, reference(query, "query")?) };
+        by_count!(q.count, N => {
+            // SAFETY: as above.
+            unsafe {
+                let query = query_of::<N>(q)?;
+                prepare(bsdf, || of.at(&query))
+            }
+        })
     });
     if status != PlywaveStatus::Ok {
         // SAFETY: as above.
@@ -309,12 +327,16 @@ pub unsafe extern "C" fn plywave_cloth_at(
     status
 }
 
-/// f and pdf of `n` queries, one direction each; as `plywave_fabric_eval_batch`.
+/// f and pdf of `n` queries, one direction each: from `queries` `[n]` and `w` `[n][3]` to `f` `[n][count]`
+/// and `pdf` `[n]`. All queries have the count of the first.
+///
+/// If an entry is invalid, the status is that of the first such entry, `error` has its index, and all entries
+/// before it are written. `n` = 0 does nothing.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn plywave_cloth_eval_batch(
     cloth: *const PlywaveCloth,
     n: usize,
-    queries: *const PlywaveFabricQuery,
+    queries: *const PlywaveClothQuery,
     w: *const f32,
     f: *mut f32,
     pdf: *mut f32,
@@ -322,23 +344,32 @@ pub unsafe extern "C" fn plywave_cloth_eval_batch(
 ) -> PlywaveStatus {
     guard(error, || {
         // SAFETY: the caller's pointers, as documented.
-        unsafe { eval_batch(cloth, n, queries, w, f, pdf) }
+        let (of, queries) = unsafe { (&reference(cloth, "cloth")?.cloth, slice(queries, n, "queries")?) };
+        by_count!(count_of(queries)?, N => {
+            // SAFETY: as above.
+            unsafe { eval_queries::<_, N>(queries, w, f, pdf, |q, w| Ok(of.at(&query_of(q)?).eval_pdf(w))) }
+        })
     })
 }
 
-/// Samples `n` queries once each; as `plywave_fabric_sample_batch`.
+/// Samples `n` queries once each: from `queries` `[n]` and `u` `[n][3]` to `samples` `[n]`. Errors are as in
+/// `plywave_cloth_eval_batch`.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn plywave_cloth_sample_batch(
     cloth: *const PlywaveCloth,
     n: usize,
-    queries: *const PlywaveFabricQuery,
+    queries: *const PlywaveClothQuery,
     u: *const f32,
     samples: *mut PlywaveSample,
     error: *mut PlywaveError,
 ) -> PlywaveStatus {
     guard(error, || {
         // SAFETY: the caller's pointers, as documented.
-        unsafe { sample_batch(cloth, n, queries, u, samples) }
+        let (of, queries) = unsafe { (&reference(cloth, "cloth")?.cloth, slice(queries, n, "queries")?) };
+        by_count!(count_of(queries)?, N => {
+            // SAFETY: as above.
+            unsafe { sample_queries::<_, N>(queries, u, samples, |q, u| Ok(of.at(&query_of(q)?).sample(u))) }
+        })
     })
 }
 

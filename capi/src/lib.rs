@@ -1,4 +1,4 @@
-//! plywave for C and C++: models, fabrics, cloths and fibers as opaque handles, queries prepared in the
+//! plywave for C and C++: models, cloths and fibers as opaque handles, queries prepared in the
 //! caller's memory, single calls and batches for 1, 3 or 4 wavelengths.
 //!
 //! cbindgen makes the header `include/plywave.h` from this crate (`capi/header.sh`); docs/howto/host_c.md is
@@ -15,24 +15,22 @@
 mod bsdf;
 mod check;
 mod cloth;
-mod fabric;
+mod cloth_query;
+mod color;
 mod fiber;
 mod ply;
 mod pointer;
 mod queries;
 mod status;
-mod surface;
 
 pub use bsdf::*;
 pub use check::*;
 pub use cloth::*;
-pub use fabric::*;
+pub use cloth_query::{PlywaveChannels, PlywaveClothQuery};
+pub use color::{PlywaveColorOf, PlywaveColorReach, PlywaveYarnColor, PlywaveYarnColorKind};
 pub use fiber::*;
 pub use ply::*;
 pub use status::{PLYWAVE_MESSAGE_SIZE, PLYWAVE_NO_INDEX, PlywaveError, PlywaveStatus, plywave_status_name};
-pub use surface::{
-    PlywaveChannels, PlywaveColorOf, PlywaveColorReach, PlywaveFabricQuery, PlywaveYarnColor, PlywaveYarnColorKind,
-};
 
 use std::ffi::c_char;
 

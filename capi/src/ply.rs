@@ -197,7 +197,7 @@ pub unsafe extern "C" fn plywave_ply_from_bytes(
     })
 }
 
-/// The ply of a model lit along single lines instead of a beam, for `PlywaveFabricQuery.models`: its missed
+/// The ply of a model lit along single lines instead of a beam, for `PlywaveClothQuery.models`: its missed
 /// light is the chance that a line misses, not the mean over a beam. Release it with `plywave_ply_free`.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn plywave_ply_of_lines(

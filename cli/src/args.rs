@@ -97,11 +97,10 @@ pub enum Command {
     Noise(NoiseArgs),
     /// Find the absorption of a model's fibers for a color or a reflectance, by inverting its albedo.
     Color(ColorArgs),
-    /// Draw the weave of a fabric: fabric spec (TOML) in, folder with textures (PNG) and an overview sheet
-    /// out.
+    /// Weave or knit a cloth: cloth spec (TOML) in, its measures, and a cloth (.pwc) or its curves out.
     Weave(WeaveArgs),
-    /// Path trace the explicit fibers of a cloth, without a model: fabric spec (TOML) in, its twin (.pwx)
-    /// out. `check` compares the fabric with its twin.
+    /// Path trace the explicit fibers of a cloth, without a model: cloth spec (TOML) in, its twin (.pwx)
+    /// out. `check` compares the cloth with its twin.
     Twin(TwinArgs),
     /// Make the files of a library on many machines with Dask: library file (TOML) in; models, tables, twins
     /// and a report page out.
@@ -111,7 +110,7 @@ pub enum Command {
     /// Compare wave and ray optics over instances of a ply's cross section: spec (TOML) in, folder with
     /// report.json and compare.png out.
     Compare(CompareArgs),
-    /// Render a fabric in a ready-made scene: fabric spec (TOML) in, PNG and EXR out.
+    /// Render a cloth in a ready-made scene: cloth (.pwc) or cloth spec (TOML) in, PNG and EXR out.
     Render(RenderArgs),
     /// Print completions for a shell: bash, elvish, fish, powershell or zsh.
     Completions(CompletionsArgs),

@@ -1,9 +1,8 @@
 //! What a file is, by its first bytes, and which kinds each command takes: one given the wrong kind says
 //! which it is and which it needs.
 
-use crate::args::{Cli, Command, WaveCommand};
-use crate::failure::{Failure, Outcome, one_line};
-use plywave::fabric::LoadedFabric;
+use crate::args::{Command, WaveCommand};
+use crate::failure::{Failure, Outcome};
 use plywave::io::{FileKind, ModelLibrary};
 use std::io::Read;
 use std::path::{Path, PathBuf};
@@ -25,8 +24,6 @@ pub enum Kind {
     Family,
     /// A yarn spec.
     Yarn,
-    /// A fabric spec.
-    Fabric,
     /// A cloth spec, in textile units.
     Cloth,
     /// A cloth, ready for shading.
@@ -62,7 +59,6 @@ impl Kind {
             Kind::Twin => "the twin of a cloth (.pwx)",
             Kind::Family => "a family of plies (.pwfam)",
             Kind::Yarn => "a yarn spec (TOML)",
-            Kind::Fabric => "a fabric spec (TOML)",
             Kind::Cloth => "a cloth spec (TOML)",
             Kind::ClothFile => "a cloth (.pwc)",
             Kind::Filament => "an analytic fiber (TOML)",
@@ -79,8 +75,8 @@ impl Kind {
 
     /// Whether its files are text.
     fn is_text(self) -> bool {
-        use Kind::{Cloth, Fabric, Filament, Library, Mesh, StrandScene, WaveScene, Wif, Yarn};
-        matches!(self, Yarn | Fabric | Cloth | Filament | WaveScene | StrandScene | Library | Wif | Mesh)
+        use Kind::{Cloth, Filament, Library, Mesh, StrandScene, WaveScene, Wif, Yarn};
+        matches!(self, Yarn | Cloth | Filament | WaveScene | StrandScene | Library | Wif | Mesh)
     }
 
     /// The command that makes such a file.
@@ -90,7 +86,7 @@ impl Kind {
             Kind::Model => Some("plywave build SPEC"),
             Kind::Fiber => Some("plywave wave tabulate SPEC"),
             Kind::Speckle => Some("plywave wave speckle SPEC"),
-            Kind::Twin => Some("plywave twin FABRIC"),
+            Kind::Twin => Some("plywave twin CLOTH"),
             Kind::Family => Some("plywave family SPEC"),
             Kind::ClothFile => Some("plywave weave SPEC -o CLOTH.pwc"),
             Kind::Part => Some("plywave simulate SPEC --shards I/N"),
@@ -105,12 +101,11 @@ impl Kind {
             (Kind::Yarn, Kind::Table) => "`plywave simulate SPEC` makes a table of it",
             (Kind::Family, Kind::Model) => "`plywave family FAMILY --param KEY=VALUE` takes a model out of it",
             (Kind::Table, Kind::Model) => "`plywave fit TABLE` makes a model of it",
-            (Kind::Model, Kind::Fabric) => "write a fabric spec that names it, as fabrics/cotton_plain.toml",
-            (Kind::Yarn, Kind::Fabric) => "build its model and write a fabric spec that names it",
-            (Kind::Fabric, Kind::Twin) => "`plywave twin SPEC` makes one of it",
+            (Kind::Model, Kind::Cloth) => "write a cloth spec that names it, as fabrics/cloths/jersey.toml",
+            (Kind::Yarn, Kind::Cloth) => "build its model and write a cloth spec that names it",
+            (Kind::Cloth, Kind::Twin) => "`plywave twin SPEC` makes one of it",
             (Kind::Cloth, _) => "`plywave weave`, `plywave plot`, `plywave render` and `plywave twin` take it",
             (Kind::ClothFile, _) => "`plywave render`, `plywave plot` and `plywave info` take it",
-            (Kind::Fabric, _) => "`plywave render` and `plywave weave` take it",
             (Kind::Yarn, _) => "`plywave build` takes it",
             (Kind::Model, _) => "`plywave info` tells what it holds",
             (Kind::Table, _) => "`plywave fit` takes it",
@@ -120,10 +115,10 @@ impl Kind {
             (Kind::WaveScene, _) => "`plywave wave scatter` takes it",
             (Kind::Part, _) => "`plywave merge` joins parts",
             (Kind::Library, _) => "`plywave farm` takes it",
-            (Kind::Wif, _) => "name it in a fabric spec: [weave] kind = \"wif\"",
+            (Kind::Wif, _) => "name it in a cloth spec: [weave] kind = \"wif\"",
             (Kind::Hair, _) => "name it in a scene of strands: [strands] file",
             (Kind::Picture, _) => "`plywave render --sky` takes an EXR",
-            (Kind::Mesh, _) => "`plywave render FABRIC --mesh` takes it",
+            (Kind::Mesh, _) => "`plywave render CLOTH --mesh` takes it",
         }
     }
 }
@@ -179,14 +174,12 @@ pub fn kind_of(path: &Path) -> Option<Kind> {
         Some(Kind::Wif)
     } else if has(&["[strands", "strands."]) {
         Some(Kind::StrandScene)
-    } else if has(&["[knit", "[curves"]) || (has(&["[warp", "[weft"]) && has(&["count", "warp.count"])) {
+    } else if has(&["[knit", "[curves", "[weave", "weave.", "[warp", "[weft"]) {
         Some(Kind::Cloth)
-    } else if has(&["[weave", "weave.", "[warp", "[weft"]) {
-        Some(Kind::Fabric)
     } else if has(&["[filament"]) {
         Some(Kind::Filament)
     } else if has(&["[[yarn", "[[family", "[[fiber", "[[speckle", "[[twin", "[[compare"])
-        && has(&["spec =", "spec=", "fabric =", "fabric="])
+        && has(&["spec =", "spec=", "cloth =", "cloth="])
     {
         Some(Kind::Library)
     } else if has(&["[[fiber"]) {
@@ -262,8 +255,8 @@ pub fn explain(path: &Path, wanted: &[Kind], error: impl Into<Failure>) -> Failu
 /// Refuses the inputs of a command that are not there or of another kind than it takes, before any work.
 pub fn check_inputs(command: &Command) -> Outcome {
     use Kind::{
-        Cloth, ClothFile, Fabric, Family, Fiber, Filament, Library, Mesh, Model, Part, Picture, Speckle, StrandScene,
-        Table, Twin, WaveScene, Yarn,
+        Cloth, ClothFile, Family, Fiber, Filament, Library, Mesh, Model, Part, Picture, Speckle, StrandScene, Table,
+        Twin, WaveScene, Yarn,
     };
     let one = |path: &Path, wanted: &[Kind]| require(path, wanted);
     let maybe = |path: &Option<PathBuf>, wanted: &[Kind]| path.as_deref().map_or(Ok(()), |path| require(path, wanted));
@@ -285,9 +278,9 @@ pub fn check_inputs(command: &Command) -> Outcome {
         Command::Eval(args) => one(&args.model, &[Model]),
         Command::Sample(args) => one(&args.model, &[Model]),
         Command::Check(args) => {
-            one(&args.model, &[Model, Family, Fabric, Cloth, ClothFile, Filament])?;
+            one(&args.model, &[Model, Family, Cloth, ClothFile, Filament])?;
             match kind_of(&args.model) {
-                Some(Fabric | Cloth | ClothFile) => maybe(&args.twin, &[Twin]),
+                Some(Cloth | ClothFile) => maybe(&args.twin, &[Twin]),
                 // Neither goes with it, wherever it leads.
                 Some(Filament) => Ok(()),
                 _ => maybe(&args.table, &[Table]).and_then(|()| maybe(&args.traced, &[Table])),
@@ -304,7 +297,7 @@ pub fn check_inputs(command: &Command) -> Outcome {
         }
         Command::Compare(args) => one(&args.spec, &[Yarn]),
         Command::Render(args) => {
-            one(&args.fabric, &[Fabric, Cloth, ClothFile, StrandScene])?;
+            one(&args.cloth, &[Cloth, ClothFile, StrandScene])?;
             maybe(&args.mesh, &[Mesh])?;
             maybe(&args.sky, &[Picture])
         }
@@ -313,22 +306,15 @@ pub fn check_inputs(command: &Command) -> Outcome {
             one(&args.patterns, &[Speckle])?;
             maybe(&args.model, &[Model])
         }
-        Command::Color(args) => one(&args.model, &[Model, Fabric]),
+        Command::Color(args) => one(&args.model, &[Model, Cloth, ClothFile]),
         Command::Farm(args) => one(&args.library, &[Library]),
-        Command::Twin(args) => one(&args.spec, &[Fabric, Cloth]),
-        Command::Weave(args) => one(&args.fabric, &[Fabric, Cloth]),
+        Command::Twin(args) => one(&args.spec, &[Cloth]),
+        Command::Weave(args) => one(&args.cloth, &[Cloth]),
         Command::Wave(wave) => match &wave.command {
             WaveCommand::Scatter(args) => one(&args.scene, &[WaveScene]),
             WaveCommand::Speckle(args) => one(&args.spec, &[Yarn]),
             WaveCommand::Tabulate(args) => one(&args.spec, &[Yarn, WaveScene]),
         },
         Command::Completions(_) | Command::Man(_) => Ok(()),
-    }
-}
-
-/// Says what there is to know of a fabric, for commands whose answer has no place for it.
-pub fn tell_fabric_notes(cli: &Cli, fabric: &LoadedFabric) {
-    if !cli.quiet {
-        fabric.notes().iter().for_each(|note| eprintln!("note: {}", one_line(note)));
     }
 }

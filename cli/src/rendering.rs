@@ -1,4 +1,4 @@
-//! What renders of fabrics and of strands have in common: the files that they write, what sums must agree
+//! What renders of cloths and of strands have in common: the files that they write, what sums must agree
 //! with, the work with its bar, and what is said of it.
 
 use crate::args::{Cli, RenderArgs, Scene};
@@ -42,7 +42,7 @@ pub struct Outputs {
 
 impl Outputs {
     pub fn from_args(args: &RenderArgs) -> Outcome<Outputs> {
-        let path = args.output.clone().unwrap_or_else(|| output::default_output(&args.fabric, "png"));
+        let path = args.output.clone().unwrap_or_else(|| output::default_output(&args.cloth, "png"));
         let ending = path.extension().map(|e| e.to_string_lossy().to_ascii_lowercase()).unwrap_or_default();
         let sums = path.with_extension("sums");
         match ending.as_str() {
@@ -174,7 +174,7 @@ pub fn film(args: &RenderArgs, outputs: &Outputs, of: &Ingredients) -> Outcome<F
 
 /// What is said of a render.
 pub struct About {
-    /// Name of the fabric or the strands.
+    /// Name of the cloth or the strands.
     pub name: String,
     /// What it is shown in.
     pub scene: String,
@@ -226,8 +226,8 @@ pub fn shoot(
     let time = bar.finish();
     let facts = Facts {
         software: format!("plywave {}", env!("CARGO_PKG_VERSION")),
-        fabric: about.name,
-        spec: args.fabric.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default(),
+        cloth: about.name,
+        spec: args.cloth.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default(),
         digest: digest(of),
         scene: about.scene,
         seed: args.seed,

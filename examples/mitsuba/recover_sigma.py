@@ -1,4 +1,4 @@
-"""The absorption of a satin's fibers from one picture of it: rendered by Mitsuba 3, recovered by gradients through the rendering.
+"""The absorption of a jersey's fibers from one picture of it: rendered by Mitsuba 3, recovered by gradients through the rendering.
 
     python examples/mitsuba/recover_sigma.py
 """
@@ -9,12 +9,13 @@ import time
 import mitsuba as mi
 import numpy as np
 
-FABRIC = str(pathlib.Path(__file__).resolve().parents[2] / "fabrics" / "polyester_satin.toml")
-KEYS = [f"cloth.bsdf.{family}_sigma_per_um.value" for family in ("warp", "weft")]
+#: A cloth spec, whose cloth is made once and kept.
+CLOTH = str(pathlib.Path(__file__).resolve().parents[2] / "fabrics" / "cloths" / "jersey.toml")
+KEY = "cloth.bsdf.sigma_per_um.value"
 SIZE, BLOCK = 48, 8
 
 
-def scene(sigma_per_um):
+def scene(sigma_per_um, filename=CLOTH):
     color = {"type": "rgb", "value": [float(s) for s in sigma_per_um]}
     return mi.load_dict(
         {
@@ -29,25 +30,18 @@ def scene(sigma_per_um):
             "lamp": {"type": "point", "position": [1, 1, 2], "intensity": 3.0},
             "cloth": {
                 "type": "rectangle",
-                "bsdf": {
-                    "type": "plywave_fabric",
-                    "filename": FABRIC,
-                    "um_per_uv": 2e4,
-                    "gaps": "straight",
-                    "warp_sigma_per_um": color,
-                    "weft_sigma_per_um": color,
-                },
+                "bsdf": {"type": "plywave_cloth", "filename": filename, "um_per_uv": 2e4, "gaps": "straight", "sigma_per_um": color},
             },
         }
     )
 
 
-def recover(photograph, start=0.005, steps=60, last=15, spp=8, told=None):
-    """Absorptions [1/um] of the three channels by which the satin looks as in the photograph, the mean of the last steps."""
+def recover(photograph, filename=CLOTH, start=0.005, steps=60, last=15, spp=8, told=None):
+    """Absorptions [1/um] of the three channels by which the cloth looks as in the photograph, the mean of the last steps."""
     import drjit as dr
 
     blocks = lambda x: dr.mean(dr.reshape(mi.TensorXf(x), (SIZE // BLOCK, BLOCK, SIZE // BLOCK, BLOCK, 3)), axis=(1, 3))
-    rendered = scene([start] * 3)
+    rendered = scene([start] * 3, filename)
     params = mi.traverse(rendered)
     want = blocks(photograph)
     adam = mi.ad.Adam(lr=0.3)
@@ -56,8 +50,7 @@ def recover(photograph, start=0.005, steps=60, last=15, spp=8, told=None):
     for step in range(steps):
         adam.set_learning_rate(0.3 * 0.05 ** (step / steps))
         sigma = dr.exp(adam["ln_sigma"])
-        for key in KEYS:
-            params[key] = sigma
+        params[KEY] = sigma
         params.update()
         image = blocks(mi.render(rendered, params, spp=spp, seed=step))
         dr.backward(dr.mean(dr.square((image - want) / (want + 1e-3))))

@@ -1,4 +1,4 @@
-"""Pictures by Mitsuba 3: a satin drape, back-lit organza, denim from near by, loops of explicit yarns, a strand of plies, a lock of hairs.
+"""Pictures by Mitsuba 3: a satin drape, back-lit organza, a hopsack from near by, loops of explicit yarns, a strand of plies, a lock of hairs.
 
     pip install "./python[mitsuba]"
     python examples/mitsuba/render.py satin_drape --width 1280 --spp 64 -o satin_drape.png
@@ -15,6 +15,8 @@ import numpy as np
 
 HERE = pathlib.Path(__file__).resolve().parent
 FABRICS = HERE.parents[1] / "fabrics"
+#: Cloth specs. A cloth is made when it is first rendered, in up to a minute, and kept.
+CLOTHS = FABRICS / "cloths"
 
 
 def base(origin, target, up, fov, width, height, spp, depth, distance=None):
@@ -50,7 +52,7 @@ def satin_drape(size, folder):
         "to_world": mi.ScalarTransform4f().translate([0, 0, drape.FLOOR]).scale(8.0),
         "bsdf": {"type": "diffuse", "reflectance": {"type": "rgb", "value": [0.35, 0.34, 0.33]}},
     }
-    cloth = {"type": "plywave_fabric", "filename": str(FABRICS / "polyester_satin.toml"), "um_per_uv": 60_000.0}
+    cloth = {"type": "plywave_cloth", "filename": str(CLOTHS / "satin.toml"), "um_per_uv": 60_000.0}
     s["cloth"] = {"type": "ply", "filename": str(folder / "drape.ply"), "bsdf": cloth}
     return s
 
@@ -72,17 +74,17 @@ def organza_backlit(size, folder):
     s["sky"] = {"type": "constant", "radiance": {"type": "rgb", "value": [0.05, 0.055, 0.07]}}
     s["lamp"] = lamp([-0.9, 0.8, -3.0], 0.4, [14, 12.5, 10])
     s["front"] = lamp([3.0, 2.0, 4.0], 0.3, [6, 6, 6])
-    cloth = {"type": "plywave_fabric", "filename": str(FABRICS / "silk_organza.toml"), "um_per_uv": 12_000.0}
+    cloth = {"type": "plywave_cloth", "filename": str(CLOTHS / "organza.toml"), "um_per_uv": 12_000.0}
     s["cloth"] = {"type": "ply", "filename": sheet(folder, 0.12), "bsdf": cloth}
     return s
 
 
-def denim_close(size, folder):
-    """8 mm of cotton twill."""
+def hopsack_close(size, folder):
+    """8 mm of a woollen hopsack."""
     s = base([0.0, -1.5, 1.6], [0, 0.0, 0], [0, 0, 1], 40, *size, 6)
     s["sky"] = {"type": "constant", "radiance": {"type": "rgb", "value": [0.25, 0.27, 0.3]}}
     s["lamp"] = lamp([-2.0, 1.0, 1.6], 0.25, [30, 28, 25])
-    cloth = {"type": "plywave_fabric", "filename": str(FABRICS / "cotton_twill.toml"), "um_per_uv": 8_000.0}
+    cloth = {"type": "plywave_cloth", "filename": str(CLOTHS / "hopsack.toml"), "um_per_uv": 8_000.0}
     s["cloth"] = {"type": "ply", "filename": sheet(folder, 0.03), "bsdf": cloth}
     return s
 
@@ -218,7 +220,7 @@ def fibers(size, folder):
     return s
 
 
-SCENES = {f.__name__: f for f in (satin_drape, organza_backlit, denim_close, knit_swatch, strand, fibers)}
+SCENES = {f.__name__: f for f in (satin_drape, organza_backlit, hopsack_close, knit_swatch, strand, fibers)}
 
 
 def main():

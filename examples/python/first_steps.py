@@ -42,11 +42,12 @@ f = model.eval(np.radians(30.0), 5.0, w, [0.001, 0.004, 0.010])
 print("brightest azimuth [deg]:", np.degrees(phi[f[:, 0].argmax()]), "red over blue there:", f[f[:, 0].argmax(), 0] / f[f[:, 0].argmax(), 2])
 
 # %% [markdown]
-# A cloth of the model that ships, seen from above under a lamp: an image of 200 x 200 points.
+# A jersey, seen from above under a lamp: an image of 200 x 200 points. The cloth of a spec is made once, in
+# some seconds, and kept.
 
 # %%
-satin = plywave.Fabric(fabrics / "polyester_satin.toml")
-x = np.linspace(0.0, 3.0 * satin.repeat_um[0], 200)
+jersey = plywave.Cloth(fabrics / "cloths" / "jersey.toml", progress=True)
+x = np.linspace(0.0, 2000.0, 200)
 position = np.stack(np.meshgrid(x, x), -1)
-rgb = satin.eval(position, [0.0, 0.0, 1.0], [0.5, 0.3, 0.81])
-print("mean f of the satin [1/sr], linear sRGB:", rgb.mean((0, 1)))
+rgb = jersey.eval(position, [0.0, 0.0, 1.0], [0.5, 0.3, 0.81])
+print("mean f of the jersey [1/sr], linear sRGB:", rgb.mean((0, 1)))

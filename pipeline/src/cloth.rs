@@ -4,9 +4,8 @@
 use crate::error::Error;
 use crate::run::{Progress, Run, Stage};
 use plywave::PlyModel;
-use plywave::cloth::{ClothData, ClothSpec, YarnOfCloth};
-use plywave::fabric::WeaveSpec;
-use plywave::io::ModelLibrary;
+use plywave::cloth::{ClothData, ClothSpec, WeaveSpec, YarnOfCloth};
+use plywave::io::{AssetSource, Folder, ModelLibrary};
 use plywave_sim::cloth::{MadeCloth, make_cloth};
 use sha2::{Digest, Sha256};
 use std::io::Read;
@@ -28,6 +27,8 @@ pub struct ClothRecipe {
     pub file: String,
     /// Folder of the files that it names.
     pub folder: PathBuf,
+    /// Whether these may lie outside of it.
+    pub is_open: bool,
     /// The cloth.
     pub spec: ClothSpec,
     /// Text of the spec, kept in the cloth file.
@@ -46,24 +47,25 @@ pub struct ReadyCloth {
 }
 
 impl ClothRecipe {
-    /// Reads a spec's file.
+    /// Reads a spec's file. The files that it names lie in its folder or below.
     ///
     /// # Errors
     /// Those of the file and of [`ClothSpec::parse`].
     pub fn load(path: impl AsRef<Path>) -> Result<ClothRecipe, Error> {
         let path = path.as_ref();
         let text = plywave::io::read_text(path, MAX_SPEC_BYTES)?;
-        ClothRecipe::parse(&path.display().to_string(), text, path.parent().unwrap_or(Path::new("")))
+        let folder = path.parent().unwrap_or(Path::new(""));
+        Ok(ClothRecipe { is_open: false, ..ClothRecipe::parse(&path.display().to_string(), text, folder)? })
     }
 
-    /// Of a spec's text; `file` stands for it in messages, and `folder` has the files that it names.
+    /// Of a spec's text; `file` stands for it in messages, and paths that it names are relative to `folder`.
     ///
     /// # Errors
     /// As [`ClothSpec::parse`].
     pub fn parse(file: &str, text: impl Into<String>, folder: impl Into<PathBuf>) -> Result<ClothRecipe, Error> {
         let spec_text = text.into();
         let spec = ClothSpec::parse(&spec_text, file)?;
-        Ok(ClothRecipe { file: file.into(), folder: folder.into(), spec, spec_text })
+        Ok(ClothRecipe { file: file.into(), folder: folder.into(), is_open: true, spec, spec_text })
     }
 
     /// Name of a kind of yarn: warp, weft or yarn.
@@ -73,6 +75,11 @@ impl ClothRecipe {
             (true, _) => "weft",
             _ => "yarn",
         }
+    }
+
+    fn assets(&self) -> Folder {
+        let folder = Folder::new(&self.folder);
+        if self.is_open { folder.anywhere() } else { folder }
     }
 
     fn invalid(&self, key: &str, value: &str, hint: String) -> Error {
@@ -98,18 +105,23 @@ impl ClothRecipe {
     /// [`plywave::Error::Invalid`] for a yarn without a model, and as [`ModelLibrary::load`].
     pub fn models(&self, library: &ModelLibrary) -> Result<Vec<Arc<PlyModel>>, Error> {
         self.each_model("name the model of its plies", |key, model| {
-            let mut path = self.folder.join(model);
-            if is_toml(&path) {
-                let named = path.display().to_string();
-                path.set_extension("pwm");
-                if !path.exists() {
-                    let hint = format!("build its model first: `plywave build {named} -o {}`", path.display());
+            let mut name = model.to_string();
+            if is_toml(model) {
+                name.replace_range(name.len() - 4.., "pwm");
+                // One that leads out of the folder is refused as other models are.
+                if !self.folder.join(&name).exists() {
+                    let [spec, own] = [model, &name].map(|name| self.folder.join(name).display().to_string());
+                    let hint = format!("build its model first: `plywave build {spec} -o {own}`");
                     return Err(self.invalid(key, model, hint));
                 }
             }
-            let path = if path.exists() { path } else { model.into() };
-            Ok(Arc::new(library.load(&path)?))
+            Ok(Arc::new(self.model(library, key, &name)?))
         })
+    }
+
+    fn model(&self, library: &ModelLibrary, key: &str, name: &str) -> Result<PlyModel, Error> {
+        let (shown, bytes) = library.named(&self.file, key, name, &self.assets())?;
+        Ok(PlyModel::from_bytes(&bytes, &shown)?)
     }
 
     /// Texts of the specs of its plies, by kind of yarn: of yarn specs that it names, or in its models.
@@ -117,13 +129,12 @@ impl ClothRecipe {
     /// # Errors
     /// As [`ClothRecipe::models`].
     pub fn ply_specs(&self, library: &ModelLibrary) -> Result<Vec<String>, Error> {
-        self.each_model("name the model of its plies, or their yarn spec (.toml)", |_, model| {
-            let path = self.folder.join(model);
-            if is_toml(&path) {
-                return Ok(plywave::io::read_text(&path, MAX_SPEC_BYTES)?);
+        self.each_model("name the model of its plies, or their yarn spec (.toml)", |key, model| {
+            if !is_toml(model) {
+                return Ok(self.model(library, key, model)?.data().spec_text.clone());
             }
-            let path = if path.exists() { path } else { model.into() };
-            Ok(library.load(&path)?.data().spec_text.clone())
+            let bytes = self.assets().read(model, MAX_SPEC_BYTES)?;
+            String::from_utf8(bytes).map_err(|_| self.invalid(key, model, "this is no text in UTF-8".into()))
         })
     }
 
@@ -136,13 +147,27 @@ impl ClothRecipe {
         wif.chain(self.spec.curves.iter().map(|curves| curves.file.as_str())).collect()
     }
 
+    /// Paths of the files that it names, models first, each with a word for what it is.
+    pub fn inputs(&self) -> Vec<(&'static str, PathBuf)> {
+        let models = self.spec.yarns().into_iter().filter_map(|yarn| yarn.model.as_deref());
+        let models = models.map(|model| {
+            let path = self.folder.join(model);
+            if is_toml(model) { path.with_extension("pwm") } else { path }
+        });
+        let mut all: Vec<_> = models.filter(|path| path.is_file()).map(|path| ("model", path)).collect();
+        all.extend(self.files().into_iter().map(|file| ("file of the spec", self.folder.join(file))));
+        all.dedup();
+        all
+    }
+
     /// Makes its curves.
     ///
     /// # Errors
     /// [`Error::Interrupted`] when stopped, and those of [`make_cloth`].
     pub fn curves(&self, run: &Run<'_>) -> Result<MadeCloth, Error> {
         run.tell(Progress { stage: Stage::Curves, done: 0, total: 1 });
-        let mut read = |named: &str| plywave::io::read_file(self.folder.join(named), MAX_BYTES);
+        let assets = self.assets();
+        let mut read = |named: &str| assets.read(named, MAX_BYTES);
         let go_on = || run.check_stop().is_ok();
         let made = make_cloth(&self.spec, &self.file, &mut read, &go_on);
         made.map_err(|error| Error::of_simulation(error, &self.file))
@@ -224,8 +249,8 @@ fn keep(data: &ClothData, path: &Path) -> plywave::Result<()> {
     data.save(path)
 }
 
-fn is_toml(path: &Path) -> bool {
-    path.extension().is_some_and(|e| e == "toml")
+fn is_toml(name: &str) -> bool {
+    Path::new(name).extension().is_some_and(|e| e == "toml")
 }
 
 /// Folder in which cloths are kept: that of the variable PLYWAVE_CACHE, or `plywave` in the user's cache

@@ -5,7 +5,7 @@
     model = plywave.load("fabrics/models/polyester.pwm")
     f = model.eval(theta_i=0.5, h_um=10.0, omega_o=np.array([0.0, 1.0, 0.0]), sigma_per_um=[0.001, 0.004, 0.010])
 
-Angles are in radians, lengths in um, absorption in 1/um, densities in 1/sr. `Model`, `Cloth`, `Fabric` and `Fiber` have `eval`, `pdf`, `sample` and `albedo` on arrays that broadcast;
+Angles are in radians, lengths in um, absorption in 1/um, densities in 1/sr. `Model`, `Cloth` and `Fiber` have `eval`, `pdf`, `sample` and `albedo` on arrays that broadcast;
 `build` makes a model of a yarn spec, `weave` a cloth of a cloth spec. Bad input raises `Error` with one line. Docs: docs/reference/python_api.md of the repository.
 """
 
@@ -15,8 +15,6 @@ from ._threads import get_threads, set_threads
 from ._files import Document, Speckle, Table, Twin
 from ._model import Model
 from ._fiber import Fiber
-from ._surface import Surface
-from ._fabric import Fabric
 from ._family import Family, build_family
 from ._load import load
 from ._cloth import Cloth, weave
@@ -34,7 +32,6 @@ __all__ = [
     "Cloth",
     "Document",
     "Error",
-    "Fabric",
     "Family",
     "Fiber",
     "Layer",
@@ -43,7 +40,6 @@ __all__ = [
     "Samples",
     "Slit",
     "Speckle",
-    "Surface",
     "Table",
     "Terms",
     "Twin",

@@ -1,18 +1,95 @@
 //! Cloths of curves, from their files or their specs.
 
-use crate::batch::{Floats, Out};
+use crate::batch::{Floats, Out, Rows};
+use crate::cloth_queries::{ClothArrays, ask};
 use crate::errors::{Failure, Outcome};
-use crate::surface::{Color, SurfaceArrays, SurfaceOptions, ask, color_of, sigma_of_reflectance, yarn_color};
 use crate::watch::watched;
 use crate::work::{RunArgs, SpecArgs};
-use plywave::cloth::{ClothData, ClothModel};
-use plywave::fabric::FabricOptions;
+use numpy::IntoPyArray;
+use plywave::ClothModel;
+use plywave::cloth::{ClothData, ClothOptions, ColorOf, GapLight, Slits, YarnColor};
 use plywave::io::{self, FileKind};
 use plywave_pipeline::{ReadyCloth, model_library};
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
 use std::path::PathBuf;
 use std::sync::Arc;
+
+/// How a cloth is shaded.
+#[derive(FromPyObject)]
+#[pyo3(from_item_all)]
+pub(crate) struct ClothArgs {
+    gaps: String,
+    sigma_per_um: Option<f32>,
+    noise: bool,
+    layers: bool,
+    shadowing: bool,
+    edges: bool,
+    slits: Option<(f32, f32)>,
+    far: bool,
+}
+
+impl ClothArgs {
+    fn options(&self) -> Outcome<ClothOptions> {
+        let gaps = match self.gaps.as_str() {
+            "diffracted" => GapLight::Diffracted,
+            "straight" => GapLight::Straight,
+            other => {
+                return Err(Failure::input(
+                    "options",
+                    "gaps",
+                    format!("{other:?}"),
+                    "use \"diffracted\" or \"straight\"",
+                ));
+            }
+        };
+        Ok(ClothOptions {
+            gaps,
+            sigma_per_um: sigma_of_options(self.sigma_per_um)?,
+            noise: self.noise,
+            layers: self.layers,
+            shadowing: self.shadowing,
+            edges: self.edges,
+            slits: self.slits.map(|(width_um, share)| Slits { width_um, share }),
+            far: self.far,
+        })
+    }
+}
+
+/// An absorption [1/um] of the options for all yarns.
+fn sigma_of_options(sigma: Option<f32>) -> Outcome<Option<f32>> {
+    match sigma {
+        Some(sigma) if !(0.0..=1e6).contains(&sigma) => {
+            Err(Failure::input("options", "sigma_per_um", sigma, "must be 0 to 1e6, in 1/um"))
+        }
+        sigma => Ok(sigma),
+    }
+}
+
+/// A color of yarns: sRGB, an absorption, or none.
+#[derive(FromPyObject)]
+pub(crate) enum Color {
+    Srgb([f32; 3]),
+    Sigma(f32),
+}
+
+fn yarn_color(color: Option<Color>, name: &str) -> Outcome<YarnColor> {
+    Ok(match color {
+        None => YarnColor::Undyed,
+        Some(Color::Srgb(srgb)) if srgb.iter().all(|c| (0.0..=1.0).contains(c)) => YarnColor::Srgb(srgb),
+        Some(Color::Srgb(srgb)) => {
+            return Err(Failure::input("colors", name, format!("{srgb:?}"), "use sRGB from 0 to 1"));
+        }
+        Some(Color::Sigma(sigma)) if (0.0..=1e6).contains(&sigma) => YarnColor::Sigma(sigma),
+        Some(Color::Sigma(sigma)) => return Err(Failure::input("colors", name, sigma, "must be 0 to 1e6, in 1/um")),
+    })
+}
+
+fn color_of(name: &str) -> Outcome<ColorOf> {
+    [ColorOf::EvenSky, ColorOf::Reflected, ColorOf::Folded].into_iter().find(|of| of.name() == name).ok_or_else(|| {
+        Failure::input("colors", "color_of", format!("{name:?}"), "use \"even_sky\", \"reflected\" or \"folded\"")
+    })
+}
 
 /// A cloth, loaded for shading, and the bytes of its file.
 #[pyclass(frozen, module = "plywave._plywave", name = "Cloth")]
@@ -26,7 +103,7 @@ pub(crate) struct Cloth {
 impl Cloth {
     /// Of a cloth file.
     #[staticmethod]
-    fn load(py: Python<'_>, path: PathBuf, options: SurfaceOptions) -> Outcome<Cloth> {
+    fn load(py: Python<'_>, path: PathBuf, options: ClothArgs) -> Outcome<Cloth> {
         let options = options.options()?;
         py.detach(|| {
             let bytes = io::read_file(&path, FileKind::Cloth.most_bytes())?;
@@ -36,14 +113,14 @@ impl Cloth {
 
     /// Of the bytes of a cloth file; `name` stands for it in messages.
     #[staticmethod]
-    fn from_bytes(py: Python<'_>, bytes: &[u8], name: &str, options: SurfaceOptions) -> Outcome<Cloth> {
+    fn from_bytes(py: Python<'_>, bytes: &[u8], name: &str, options: ClothArgs) -> Outcome<Cloth> {
         let options = options.options()?;
         py.detach(|| Cloth::of_bytes(bytes.to_vec(), name, &options))
     }
 
     /// Of a cloth spec: looked up in the user's cache, or made and kept there.
     #[staticmethod]
-    fn of_spec(py: Python<'_>, spec: SpecArgs, options: SurfaceOptions, run: RunArgs) -> Outcome<Cloth> {
+    fn of_spec(py: Python<'_>, spec: SpecArgs, options: ClothArgs, run: RunArgs) -> Outcome<Cloth> {
         let (recipe, options) = (spec.cloth()?, options.options()?);
         watched(py, run.threads, run.progress, |watch| {
             watch.run([None, None], |run| {
@@ -55,7 +132,7 @@ impl Cloth {
 
     /// Of a cloth spec: made.
     #[staticmethod]
-    fn weave(py: Python<'_>, spec: SpecArgs, options: SurfaceOptions, run: RunArgs) -> Outcome<Cloth> {
+    fn weave(py: Python<'_>, spec: SpecArgs, options: ClothArgs, run: RunArgs) -> Outcome<Cloth> {
         let (recipe, options) = (spec.cloth()?, options.options()?);
         watched(py, run.threads, run.progress, |watch| {
             watch.run([None, None], |run| {
@@ -126,7 +203,15 @@ impl Cloth {
 
     /// Absorptions [1/um] with which the cloth has these reflectances.
     fn sigma_of_reflectance<'py>(&self, py: Python<'py>, reflectance: Floats<'py>) -> Outcome<Bound<'py, PyAny>> {
-        sigma_of_reflectance(py, self.cloth.color_curve(), &reflectance)
+        let n = match &reflectance {
+            Floats::Single(array) => array.len()?,
+            Floats::Double(array) => array.len()?,
+        };
+        let rows: Rows<'_, 1> = Rows::new(&reflectance, n, "reflectance")?;
+        let curve = self.cloth.color_curve();
+        let sigma = |i: usize| curve.sigma(f64::from(rows.get(i)[0])).0 as f32;
+        let sigma: Vec<f32> = py.detach(|| (0..n).map(sigma).collect());
+        Ok(sigma.into_pyarray(py).into_any())
     }
 
     /// The ply model of a kind of yarn.
@@ -136,19 +221,19 @@ impl Cloth {
     }
 
     /// Answers `what` of the queries.
-    fn ask<'py>(&self, py: Python<'py>, what: &str, arrays: SurfaceArrays<'py>, mut out: Out<'py>) -> Outcome {
-        ask(&*self.cloth, py, what, &arrays, &mut out)
+    fn ask<'py>(&self, py: Python<'py>, what: &str, arrays: ClothArrays<'py>, mut out: Out<'py>) -> Outcome {
+        ask(&self.cloth, py, what, &arrays, &mut out)
     }
 }
 
 impl Cloth {
-    fn of_bytes(bytes: Vec<u8>, name: &str, options: &FabricOptions) -> Outcome<Cloth> {
+    fn of_bytes(bytes: Vec<u8>, name: &str, options: &ClothOptions) -> Outcome<Cloth> {
         let data = ClothData::from_bytes(&bytes, name)?;
         let notes = data.notes(options);
         Ok(Cloth { cloth: Arc::new(ClothModel::from_data(data, options)?), bytes: Arc::new(bytes), notes })
     }
 
-    fn of_data(data: ClothData, mut notes: Vec<String>, options: &FabricOptions) -> Outcome<Cloth> {
+    fn of_data(data: ClothData, mut notes: Vec<String>, options: &ClothOptions) -> Outcome<Cloth> {
         let bytes = Arc::new(data.to_bytes()?);
         notes.extend(data.notes(options));
         Ok(Cloth { cloth: Arc::new(ClothModel::from_data(data, options)?), bytes, notes })

@@ -4,15 +4,14 @@
 mod batch;
 mod check;
 mod cloth;
+mod cloth_queries;
 mod compare;
 mod errors;
-mod fabric;
 mod family;
 mod fiber;
 mod files;
 mod model;
 mod shards;
-mod surface;
 mod tensors;
 mod watch;
 mod work;
@@ -27,7 +26,6 @@ fn _plywave(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("RGB_LAMBDA_UM", plywave::color::RGB_LAMBDA_UM.to_vec())?;
     module.add("Error", module.py().get_type::<errors::Error>())?;
     module.add_class::<model::Model>()?;
-    module.add_class::<fabric::Fabric>()?;
     module.add_class::<cloth::Cloth>()?;
     module.add_class::<fiber::Fiber>()?;
     module.add_class::<family::Family>()?;

@@ -5,10 +5,9 @@ use crate::compare::{CompareArgs, compare_job};
 use crate::errors::{Failure, Outcome};
 use crate::watch::{Shards, watched};
 use crate::work::{RecipeArgs, RunArgs, SpecArgs, TabulateArgs, recipe, speckle_job, tabulate_job};
-use plywave::fabric::FabricSpec;
-use plywave_pipeline::{model_library, simulate_job, speckle_options};
+use plywave_pipeline::{ClothRecipe, Run, model_library, simulate_job, speckle_options};
 use plywave_sim::runs::{AnyJob, Job, Output, Plan, Run as JobRun, block_name as name_of};
-use plywave_sim::twin::{TwinCloth, TwinJob, TwinOptions};
+use plywave_sim::twin::{TwinCurves, TwinJob, TwinOptions};
 use plywave_sim::wave::SpeckleJob;
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
@@ -65,18 +64,20 @@ pub(crate) fn plan_speckle(
     })
 }
 
-/// The job of a fabric's twin: standard views and absorptions, `paths` a view.
+/// The job of a cloth's twin, of its spec: standard views and absorptions, `paths` a view.
 #[pyfunction]
 pub(crate) fn plan_twin(
     py: Python<'_>,
-    fabric: PathBuf,
+    cloth: PathBuf,
     paths: Option<u64>,
     seed: u64,
 ) -> Outcome<(Vec<PlanRow>, String)> {
     py.detach(|| {
-        let name = fabric.display().to_string();
-        let refuse = |e| Failure::of_run(e, &name);
-        let cloth = TwinCloth::from_loaded(&FabricSpec::load_file(&fabric, &model_library())?).map_err(refuse)?;
+        let recipe = ClothRecipe::load(&cloth)?;
+        let refuse = |e| Failure::of_run(e, &recipe.file);
+        let plies = recipe.ply_specs(&model_library())?;
+        let curves = recipe.curves(&Run::plain())?.curves;
+        let cloth = TwinCurves::new(&recipe.spec.name, curves, plies).map_err(refuse)?;
         let standard = TwinOptions::default();
         let options = TwinOptions { paths: paths.unwrap_or(standard.paths), seed, ..standard };
         let job = TwinJob::new(cloth, &options).map_err(refuse)?;

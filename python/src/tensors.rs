@@ -1,21 +1,17 @@
-//! What `plywave.mitsuba` takes from the Rust library: all tables of a fabric as arrays, and the library's
+//! What `plywave.mitsuba` takes from the Rust library: all tables of a cloth as arrays, and the library's
 //! own answers, term by term, to which its tests hold it.
 
 use numpy::ndarray::{Array1, Array2, ArrayD, IxDyn};
 use numpy::{IntoPyArray, PyReadonlyArray1, PyReadonlyArray2};
-use plywave::cloth::{ClothModel, ClothSurface, LineHits};
-use plywave::fabric::{FabricOptions, FabricSpec, GapLight, Hit, Slits, Tensor, Values};
+use plywave::cloth::{ClothModel, ClothOptions, GapLight, LineHits, Slits, Values};
 use plywave::fiber::FiberTable;
-use plywave::io::Folder;
 use plywave::spec::YarnSpec;
 use plywave::speckle::{Instance, NoiseTiles};
-use plywave::{Bsdf, FabricModel, FabricQuery, PlyModel, PlyQuery};
+use plywave::{Bsdf, ClothQuery, PlyQuery};
 use plywave_pipeline::{ClothRecipe, Error, ReadyCloth, Run, model_library};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict, PyList};
-use std::path::Path;
-use std::sync::Arc;
 
 fn raise(e: impl std::fmt::Display) -> PyErr {
     PyValueError::new_err(e.to_string())
@@ -35,79 +31,6 @@ fn columns(name: &str, a: &PyReadonlyArray2<'_, f32>, n: usize, count: usize) ->
 
 /// f `[n, 3]`, the density of samples `[n]` and the energy that goes straight on `[n]`.
 type Light<'py> = (Bound<'py, PyAny>, Bound<'py, PyAny>, Bound<'py, PyAny>);
-
-/// Of positions [n, 2], `wo` and `wi` [n, 3]: what the library answers, at three wavelengths [um] or in
-/// linear sRGB.
-fn light<'py>(
-    py: Python<'py>,
-    cloth: &impl ClothSurface,
-    [position_um, wo, wi]: [PyReadonlyArray2<'py, f32>; 3],
-    lambda_um: Option<[f32; 3]>,
-    sigma_per_um: Option<[[f32; 3]; 2]>,
-    footprint_um: f32,
-) -> PyResult<Light<'py>> {
-    let n = wo.as_array().nrows();
-    columns("position_um", &position_um, n, 2)?;
-    columns("wo", &wo, n, 3)?;
-    columns("wi", &wi, n, 3)?;
-    let (position_um, wo, wi) = (position_um.as_array(), wo.as_array(), wi.as_array());
-    let (mut f, mut pdf, mut straight) = (Array2::zeros((n, 3)), Array1::zeros(n), Array1::zeros(n));
-    for i in 0..n {
-        let (at, viewer) = (row(&position_um, i), row(&wo, i));
-        let query = match lambda_um {
-            Some(lambda) => FabricQuery::new(at, viewer, lambda),
-            None => FabricQuery::rgb(at, viewer),
-        };
-        let query =
-            FabricQuery { sigma_per_um: sigma_per_um.map_or([None; 2], |s| s.map(Some)), footprint_um, ..query };
-        let at = cloth.surface_at(&query);
-        let (value, density) = at.eval_pdf(row(&wi, i));
-        (0..3).for_each(|k| f[[i, k]] = value[k]);
-        pdf[i] = density;
-        straight[i] = at.straight()[0];
-    }
-    Ok((f.into_pyarray(py).into_any(), pdf.into_pyarray(py).into_any(), straight.into_pyarray(py).into_any()))
-}
-
-/// Tables by name; `models`, the files of the ply models; `noise`, the noise tiles of each model, none
-/// without speckle.
-fn arrays<'py>(
-    py: Python<'py>,
-    tensors: Vec<Tensor>,
-    models: &[Arc<PlyModel>],
-    speckle: bool,
-) -> PyResult<Bound<'py, PyDict>> {
-    let all = PyDict::new(py);
-    for tensor in tensors {
-        let shape = IxDyn(&tensor.shape);
-        match tensor.values {
-            Values::F32(v) => {
-                all.set_item(tensor.name, ArrayD::from_shape_vec(shape, v).map_err(raise)?.into_pyarray(py))?
-            }
-            Values::U32(v) => {
-                all.set_item(tensor.name, ArrayD::from_shape_vec(shape, v).map_err(raise)?.into_pyarray(py))?
-            }
-            Values::U8(v) => {
-                all.set_item(tensor.name, ArrayD::from_shape_vec(shape, v).map_err(raise)?.into_pyarray(py))?
-            }
-        }
-    }
-    let (files, noise) = (PyList::empty(py), PyList::empty(py));
-    for model in models {
-        files.append(PyBytes::new(py, &model.data().to_bytes().map_err(raise)?))?;
-        let tiles = if speckle { model.noise() } else { None };
-        noise.append(tiles.map(|tiles| noise_tiles(py, tiles)).transpose()?)?;
-    }
-    all.set_item("models", files)?;
-    all.set_item("noise", noise)?;
-    Ok(all)
-}
-
-/// What gaps do, and slits in place of those of the spec.
-fn parts(diffracted: bool, slits: bool) -> (GapLight, Option<Slits>) {
-    let gaps = if diffracted { GapLight::Diffracted } else { GapLight::Straight };
-    (gaps, if slits { None } else { Some(Slits::NONE) })
-}
 
 /// A cloth as `plywave.mitsuba` loads it.
 #[pyclass(frozen, module = "plywave._plywave")]
@@ -135,9 +58,10 @@ impl ClothTables {
         speckle: bool,
         far: bool,
     ) -> PyResult<Self> {
-        let (gaps, slits) = parts(diffracted, slits);
+        let gaps = if diffracted { GapLight::Diffracted } else { GapLight::Straight };
+        let slits = if slits { None } else { Some(Slits::NONE) };
         let options =
-            FabricOptions { gaps, noise: speckle, layers, shadowing, edges, slits, far, ..FabricOptions::SMOOTH };
+            ClothOptions { gaps, noise: speckle, layers, shadowing, edges, slits, far, ..ClothOptions::SMOOTH };
         let load = || -> Result<(ClothModel, Vec<String>), Error> {
             if !filename.ends_with(".toml") {
                 return Ok((ClothModel::load(filename, &options)?, Vec::new()));
@@ -152,7 +76,30 @@ impl ClothTables {
     /// Tables by name; `models`, the files of the ply models; `noise`, the noise tiles of each model, none
     /// without speckle.
     fn tensors<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        arrays(py, self.cloth.tensors(), self.cloth.models(), self.speckle)
+        let all = PyDict::new(py);
+        for tensor in self.cloth.tensors() {
+            let shape = IxDyn(&tensor.shape);
+            match tensor.values {
+                Values::F32(v) => {
+                    all.set_item(tensor.name, ArrayD::from_shape_vec(shape, v).map_err(raise)?.into_pyarray(py))?
+                }
+                Values::U32(v) => {
+                    all.set_item(tensor.name, ArrayD::from_shape_vec(shape, v).map_err(raise)?.into_pyarray(py))?
+                }
+                Values::U8(v) => {
+                    all.set_item(tensor.name, ArrayD::from_shape_vec(shape, v).map_err(raise)?.into_pyarray(py))?
+                }
+            }
+        }
+        let (files, noise) = (PyList::empty(py), PyList::empty(py));
+        for model in self.cloth.models() {
+            files.append(PyBytes::new(py, &model.data().to_bytes().map_err(raise)?))?;
+            let tiles = if self.speckle { model.noise() } else { None };
+            noise.append(tiles.map(|tiles| noise_tiles(py, tiles)).transpose()?)?;
+        }
+        all.set_item("models", files)?;
+        all.set_item("noise", noise)?;
+        Ok(all)
     }
 
     /// Of `position_um` [n, 2], `wo` and `wi` [n, 3]: f [n, 3] and the density of samples [n] by the library,
@@ -169,7 +116,27 @@ impl ClothTables {
         sigma_per_um: Option<[[f32; 3]; 2]>,
         footprint_um: f32,
     ) -> PyResult<Light<'py>> {
-        light(py, &self.cloth, [position_um, wo, wi], lambda_um, sigma_per_um, footprint_um)
+        let n = wo.as_array().nrows();
+        columns("position_um", &position_um, n, 2)?;
+        columns("wo", &wo, n, 3)?;
+        columns("wi", &wi, n, 3)?;
+        let (position_um, wo, wi) = (position_um.as_array(), wo.as_array(), wi.as_array());
+        let (mut f, mut pdf, mut straight) = (Array2::zeros((n, 3)), Array1::zeros(n), Array1::zeros(n));
+        for i in 0..n {
+            let (at, viewer) = (row(&position_um, i), row(&wo, i));
+            let query = match lambda_um {
+                Some(lambda) => ClothQuery::new(at, viewer, lambda),
+                None => ClothQuery::rgb(at, viewer),
+            };
+            let query =
+                ClothQuery { sigma_per_um: sigma_per_um.map_or([None; 2], |s| s.map(Some)), footprint_um, ..query };
+            let at = self.cloth.at(&query);
+            let (value, density) = at.eval_pdf(row(&wi, i));
+            (0..3).for_each(|k| f[[i, k]] = value[k]);
+            pdf[i] = density;
+            straight[i] = at.straight()[0];
+        }
+        Ok((f.into_pyarray(py).into_any(), pdf.into_pyarray(py).into_any(), straight.into_pyarray(py).into_any()))
     }
 
     /// Notes on a cloth that was made, one a line.
@@ -202,113 +169,6 @@ impl ClothTables {
             }
         }
         Ok(numbers.into_pyarray(py).into_any())
-    }
-}
-
-/// A fabric as `plywave.mitsuba` loads it.
-#[pyclass(frozen, module = "plywave._plywave")]
-pub struct FabricTables {
-    fabric: FabricModel,
-    speckle: bool,
-}
-
-#[pymethods]
-impl FabricTables {
-    /// Of a spec's file, or of its text and the folder that its models are in.
-    #[new]
-    #[pyo3(signature = (filename = None, text = None, folder = ".", diffracted = true, layers = true, shadowing = true, edges = true, slits = true, speckle = false, far = false))]
-    #[allow(clippy::fn_params_excessive_bools)]
-    fn new(
-        py: Python<'_>,
-        filename: Option<String>,
-        text: Option<String>,
-        folder: &str,
-        diffracted: bool,
-        layers: bool,
-        shadowing: bool,
-        edges: bool,
-        slits: bool,
-        speckle: bool,
-        far: bool,
-    ) -> PyResult<Self> {
-        let (gaps, slits) = parts(diffracted, slits);
-        let options =
-            FabricOptions { gaps, noise: speckle, layers, shadowing, edges, slits, far, ..FabricOptions::SMOOTH };
-        let folder = folder.to_string();
-        let load = move || -> plywave::Result<FabricTables> {
-            let loaded = match (filename, text) {
-                (_, Some(text)) => {
-                    FabricSpec::load_with(&text, "spec", &Folder::new(Path::new(&folder)), &model_library())?
-                }
-                (filename, None) => FabricSpec::load_file(filename.unwrap_or_default(), &model_library())?,
-            };
-            Ok(FabricTables { fabric: FabricModel::new(loaded, &options)?, speckle })
-        };
-        py.detach(load).map_err(raise)
-    }
-
-    /// Tables by name; `models`, the files of the ply models; `noise`, the noise tiles of each model, none
-    /// without speckle.
-    fn tensors<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        arrays(py, self.fabric.tensors(), self.fabric.models(), self.speckle)
-    }
-
-    /// Size of one repeat along x and y [um].
-    fn repeat_um(&self) -> [f64; 2] {
-        self.fabric.fabric().repeat_um()
-    }
-
-    /// Of `position_um` [n, 2], `wo` and `wi` [n, 3]: f [n, 3] and the density of samples [n] by the library,
-    /// at three wavelengths [um] or in linear sRGB, and the energy that goes straight on.
-    #[pyo3(signature = (position_um, wo, wi, lambda_um = None, sigma_per_um = None, footprint_um = 0.0))]
-    #[allow(clippy::too_many_arguments)]
-    fn eval_pdf<'py>(
-        &self,
-        py: Python<'py>,
-        position_um: PyReadonlyArray2<'py, f32>,
-        wo: PyReadonlyArray2<'py, f32>,
-        wi: PyReadonlyArray2<'py, f32>,
-        lambda_um: Option<[f32; 3]>,
-        sigma_per_um: Option<[[f32; 3]; 2]>,
-        footprint_um: f32,
-    ) -> PyResult<Light<'py>> {
-        let rows = [position_um, wo, wi];
-        light(py, &self.fabric, rows, lambda_um, sigma_per_um, footprint_um)
-    }
-
-    /// What lines meet first, `[n, 16]`: 1 for a ply, family, yarn, ply, theta_i, h, along, 1 for two layers,
-    /// the x and z axes; a gap's edges from number 4 on.
-    fn hits<'py>(
-        &self,
-        py: Python<'py>,
-        position_um: PyReadonlyArray2<'py, f32>,
-        wo: PyReadonlyArray2<'py, f32>,
-    ) -> PyResult<Bound<'py, PyAny>> {
-        let n = wo.as_array().nrows();
-        columns("position_um", &position_um, n, 2)?;
-        columns("wo", &wo, n, 3)?;
-        let (position_um, wo) = (position_um.as_array(), wo.as_array());
-        let mut hits = Array2::<f32>::zeros((n, 14));
-        for i in 0..n {
-            let [x, y] = row(&position_um, i);
-            match self.fabric.fabric().at(x, y, row(&wo, i)) {
-                Hit::Ply(hit) => {
-                    let [fx, _, fz] = hit.frame;
-                    let numbers =
-                        [1.0, hit.family as u8 as f32, hit.yarn as f32, hit.ply as f32, hit.theta_i, hit.h_um];
-                    let rest =
-                        [hit.along_um, f32::from(u8::from(hit.is_double)), fx[0], fx[1], fx[2], fz[0], fz[1], fz[2]];
-                    numbers.into_iter().chain(rest).enumerate().for_each(|(k, v)| hits[[i, k]] = v);
-                }
-                Hit::Gap(gap) => gap.aperture_um.into_iter().enumerate().for_each(|(k, v)| hits[[i, 4 + k]] = v),
-            }
-        }
-        Ok(hits.into_pyarray(py).into_any())
-    }
-
-    /// Absorptions [1/um] with which the cloth has these reflectances.
-    fn sigma_of_reflectance(&self, reflectance: Vec<f32>) -> Vec<f32> {
-        reflectance.into_iter().map(|r| self.fabric.sigma_of_reflectance([r])[0]).collect()
     }
 }
 
@@ -428,7 +288,6 @@ pub fn ply_terms<'py>(
 /// Adds them to the module.
 pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<ClothTables>()?;
-    module.add_class::<FabricTables>()?;
     module.add_function(wrap_pyfunction!(ply_file, module)?)?;
     module.add_function(wrap_pyfunction!(fiber_file, module)?)?;
     module.add_function(wrap_pyfunction!(ply_radius_um, module)?)?;

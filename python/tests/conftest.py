@@ -1,4 +1,4 @@
-"""What the tests share: the models that ship, a ply that is built in a moment, and the program where it has been built."""
+"""What the tests share: the models that ship, a ply that is built in a moment, cloths, and the program where it has been built."""
 
 import os
 import pathlib
@@ -10,6 +10,7 @@ import plywave
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 FABRICS = ROOT / "fabrics"
+CLOTHS = FABRICS / "cloths"
 
 TINY = """
 name = "tiny"
@@ -38,26 +39,6 @@ lobes_high = 2
 """
 
 
-_LOADED = {}
-
-
-def fabrics_once():
-    """Has `plywave.mitsuba` load each fabric once a process: its tables, and the mean over the repeat, take seconds."""
-    from plywave.mitsuba import _native
-
-    load = _native.FabricTables
-    if isinstance(load, type):
-
-        def once(filename=None, text=None, folder=".", diffracted=True, **parts):
-            parts = {"layers": True, "shadowing": True, "edges": True, "slits": True, "speckle": False, "far": False} | parts
-            key = (filename, text, folder, diffracted, *parts.items())
-            if key not in _LOADED:
-                _LOADED[key] = load(filename, text, folder, diffracted, **parts)
-            return _LOADED[key]
-
-        _native.FabricTables = once
-
-
 @pytest.fixture(scope="session")
 def tiny():
     return TINY
@@ -74,8 +55,23 @@ def polyester():
 
 
 @pytest.fixture(scope="session")
-def satin():
-    return plywave.Fabric(FABRICS / "polyester_satin.toml")
+def woven(tmp_path_factory):
+    """Files of cloths: of a spec that ships, by its name, or of another one. Each is woven once."""
+    folder, made = tmp_path_factory.mktemp("woven"), {}
+
+    def weave(name, spec=None):
+        if name not in made:
+            cloth = plywave.weave(CLOTHS / f"{name}.toml" if spec is None else spec)
+            made[name] = str(folder / f"{name}.pwc")
+            cloth.save(made[name])
+        return made[name]
+
+    return weave
+
+
+@pytest.fixture(scope="session")
+def jersey(woven):
+    return plywave.Cloth(woven("jersey"))
 
 
 @pytest.fixture(scope="session")

@@ -14,9 +14,7 @@ FABRICS = pathlib.Path(__file__).resolve().parents[2] / "fabrics"
 SIZE, SAMPLES = 128, 16
 
 BSDFS = {
-    "satin": {"type": "plywave_fabric", "filename": str(FABRICS / "polyester_satin.toml"), "um_per_uv": 2e4},
-    **{f"cloth_{name}": {"type": "plywave_cloth", "filename": str(FABRICS / "cloths" / f"{name}.toml"), "um_per_uv": 2e4} for name in ("satin", "jersey")},
-    "twill": {"type": "plywave_fabric", "filename": str(FABRICS / "cotton_twill.toml"), "um_per_uv": 2e4},
+    **{name: {"type": "plywave_cloth", "filename": str(FABRICS / "cloths" / f"{name}.toml"), "um_per_uv": 2e4} for name in ("satin", "jersey", "hopsack")},
     "ply": {"type": "plywave_ply", "filename": str(FABRICS / "models" / "polyester.pwm"), "sigma_per_um": 0.003},
     "principled": {"type": "principled", "roughness": 0.3, "anisotropic": 0.5, "spec_tint": 0.2},
     "hair": {"type": "hair"},

@@ -11,7 +11,7 @@ import pytest
 import plywave
 
 
-def test_shapes_broadcast(polyester, satin):
+def test_shapes_broadcast(polyester, jersey):
     w = np.zeros((5, 1, 3)) + [0.0, 0.6, 0.8]
     f = polyester.eval(np.linspace(0, 1, 4), 3.0, w, np.full((2, 1, 1, 3), 0.01))
     assert f.shape == (2, 5, 4, 3) and f.dtype == np.float32
@@ -21,8 +21,8 @@ def test_shapes_broadcast(polyester, satin):
     assert polyester.albedo(np.zeros((2, 3)), 0.0, [0.0] * 8).shape == (2, 3, 8)
     assert polyester.sample(0.1, 0.0, np.full((7, 3), 0.5), [0.1, 0.2]).weight.shape == (7, 2)
     assert polyester.r_d(np.zeros((2, 1)), np.zeros(3)).shape == (2, 3)
-    assert satin.eval(np.zeros((6, 1, 2)), [0, 0, 1.0], np.full((4, 3), 0.577)).shape == (6, 4, 3)
-    assert satin.is_gap(np.zeros((6, 2)), [0, 0, 1.0]).dtype == bool
+    assert jersey.eval(np.zeros((6, 1, 2)), [0, 0, 1.0], np.full((4, 3), 0.577)).shape == (6, 4, 3)
+    assert jersey.is_gap(np.zeros((6, 2)), [0, 0, 1.0]).dtype == bool
     # Values are those of the spread out arrays.
     t, h = np.meshgrid(np.linspace(0, 1, 4), np.linspace(-20, 20, 5))
     spread = polyester.eval(t, h, np.broadcast_to([0.0, 0.6, 0.8], (5, 4, 3)), [0.01, 0.02])
@@ -30,10 +30,10 @@ def test_shapes_broadcast(polyester, satin):
 
 
 @pytest.mark.parametrize("shape", [(0,), (3, 0), (0, 4)])
-def test_empty_arrays_give_empty_results(polyester, satin, fiber, shape):
+def test_empty_arrays_give_empty_results(polyester, jersey, fiber, shape):
     assert polyester.eval(np.zeros(shape), 0.0, [0.0, 1.0, 0.0], [0.01, 0.02]).shape == (*shape, 2)
     assert polyester.sample(np.zeros(shape), 0.0, [0.5] * 3, 0.0).event.shape == shape
-    assert satin.eval(np.zeros((*shape, 2)), [0, 0, 1.0], [0, 0, 1.0]).shape == (*shape, 3)
+    assert jersey.eval(np.zeros((*shape, 2)), [0, 0, 1.0], [0, 0, 1.0]).shape == (*shape, 3)
     assert fiber.pdf(np.zeros((*shape, 3)), [0.0, 1.0, 0.0], 0.5).shape == shape
 
 
@@ -65,7 +65,7 @@ def refused(call, *parts):
         assert part in message, message
 
 
-def test_what_is_no_array_of_floats_is_refused(polyester, satin):
+def test_what_is_no_array_of_floats_is_refused(polyester, jersey):
     w = np.array([0.0, 1.0, 0.0])
     eval_ = polyester.eval
     refused(lambda: eval_(np.arange(3), 0.0, w, 0.0), "theta_i", "int64", "(3,)", "float32")
@@ -84,11 +84,11 @@ def test_what_is_no_array_of_floats_is_refused(polyester, satin):
     refused(lambda: eval_(0.0, 0.0, w, np.zeros(0)), "1 to 8")
     refused(lambda: eval_(0.0, 0.0, w, 0.0, instance=-1), "instance")
     refused(lambda: eval_(0.0, 0.0, w, 0.0, instance=0.5), "instance", "float64")
-    refused(lambda: satin.eval([0.0, 0.0, 0.0], w, w), "position_um", "[..., 2]")
-    refused(lambda: satin.eval([0.0, 0.0], w, w, sigma_per_um=[0.1, 0.2]), "sigma_per_um", "(2,)")
-    refused(lambda: satin.with_colors([0.5, 0.5], None), "warp")
-    refused(lambda: satin.with_colors([0.5, 0.5, 1.5], None), "warp", "0 to 1")
-    refused(lambda: satin.with_colors(None, None, "sunset"), "sunset", "even_sky")
+    refused(lambda: jersey.eval([0.0, 0.0, 0.0], w, w), "position_um", "[..., 2]")
+    refused(lambda: jersey.eval([0.0, 0.0], w, w, sigma_per_um=[0.1, 0.2]), "sigma_per_um", "(2,)")
+    refused(lambda: jersey.with_colors([0.5, 0.5], None), "warp")
+    refused(lambda: jersey.with_colors([0.5, 0.5, 1.5], None), "warp", "0 to 1")
+    refused(lambda: jersey.with_colors(None, None, "sunset"), "sunset", "even_sky")
 
 
 def test_arrays_beyond_memory_are_refused(polyester):
@@ -100,7 +100,7 @@ def test_arrays_beyond_memory_are_refused(polyester):
         polyester.eval(huge, 0.0, [0.0, 1.0, 0.0], 0.0)
 
 
-def test_results_do_not_depend_on_threads(polyester, satin):
+def test_results_do_not_depend_on_threads(polyester, jersey):
     rng = np.random.default_rng(9)
     n = 30000
     w = rng.normal(size=(n, 3))
@@ -117,7 +117,7 @@ def test_results_do_not_depend_on_threads(polyester, satin):
                 polyester.eval(theta_i, h_um, w, sigma, edge=False),
                 *polyester.eval_pdf(0.3, 2.0, w, [0.1, 0.2]),
                 *polyester.sample(theta_i, h_um, u, sigma),
-                satin.eval(position, [0.0, 0.6, 0.8], w[: n // 10]),
+                jersey.eval(position, [0.0, 0.6, 0.8], w[: n // 10]),
             ]
         )
     for other in results[1:]:
@@ -127,7 +127,7 @@ def test_results_do_not_depend_on_threads(polyester, satin):
     refused(lambda: plywave.set_threads(2.5), "threads = 2.5")
 
 
-def test_the_lock_of_the_interpreter_is_released(satin):
+def test_the_lock_of_the_interpreter_is_released(jersey):
     """Another thread of Python goes on while a long call runs."""
     plywave.set_threads(1)
     position = np.random.default_rng(1).uniform(0, 3000, (200_000, 2))
@@ -141,7 +141,7 @@ def test_the_lock_of_the_interpreter_is_released(satin):
     thread = threading.Thread(target=tick)
     thread.start()
     begun = time.monotonic()
-    satin.eval(position, [0.0, 0.6, 0.8], [0.3, 0.0, 0.954])
+    jersey.eval(position, [0.0, 0.6, 0.8], [0.3, 0.0, 0.954])
     ended = time.monotonic()
     stop.set()
     thread.join()
@@ -150,14 +150,14 @@ def test_the_lock_of_the_interpreter_is_released(satin):
 
 
 @pytest.mark.skipif(os.name != "posix", reason="sends SIGINT")
-def test_long_calls_stop(satin):
+def test_long_calls_stop(jersey):
     """Ctrl-C reaches a call that would take minutes."""
     position = np.random.default_rng(1).uniform(0, 3000, (20_000_000, 2)).astype(np.float32)
     timer = threading.Timer(0.5, os.kill, (os.getpid(), signal.SIGINT))
     timer.start()
     begun = time.monotonic()
     with pytest.raises(KeyboardInterrupt):
-        satin.albedo(position, [0.0, 0.6, 0.8])
+        jersey.albedo(position, [0.0, 0.6, 0.8])
     assert time.monotonic() - begun < 5.0
 
 

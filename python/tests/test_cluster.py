@@ -25,7 +25,7 @@ from plywave import cluster
 from plywave import _plywave
 from plywave.cluster import _farm, _items, _local, _workers
 
-from conftest import FABRICS, TINY as SPEC
+from conftest import TINY as SPEC
 from soak_cluster import Killer
 
 SMALL = {"quality": "preview", "paths": 6000, "instances": 2}
@@ -390,7 +390,7 @@ instances = 2
 
 ALL = (
     LIBRARY
-    + f"""
+    + """
 [[family]]
 spec = "family.toml"
 nodes = 2
@@ -413,8 +413,8 @@ name = "grain"
 instances = 3
 
 [[twin]]
-fabric = {json.dumps(str(FABRICS / "polyester_layers.toml"))}
-name = "layers"
+cloth = "sheet.toml"
+name = "sheet"
 paths = 2000
 
 [[compare]]
@@ -429,6 +429,22 @@ paths = 500
 )
 
 
+SHEET = """
+name = "sheet"
+curves = { file = "curves.toml" }
+
+[yarn]
+model = "yarn.toml"
+count = { dtex = 45 }
+density_g_per_cm3 = 1.4
+"""
+CURVES = """
+cell_um = [[200.0, 0.0], [0.0, 100.0]]
+yarn = [{ kind = 0, number = 0, step = [0, 1], period = [1, 0] }]
+curve = [{ yarn = 0, radius_um = 40.0, shift = [1, 0], control_um = [[0.0, 50.0, 0.0], [50.0, 50.0, 0.0], [100.0, 50.0, 0.0], [150.0, 50.0, 0.0]] }]
+"""
+
+
 def run(*args):
     return subprocess.run([sys.executable, "-m", "plywave.farm", *args], capture_output=True, text=True, timeout=300)
 
@@ -436,7 +452,8 @@ def run(*args):
 @pytest.fixture
 def folder(tmp_path):
     (tmp_path / "yarn.toml").write_text(SPEC)
-    (tmp_path / "library.toml").write_text(LIBRARY)
+    for name, text in (("library", LIBRARY), ("sheet", SHEET), ("curves", CURVES)):
+        (tmp_path / f"{name}.toml").write_text(text)
     return tmp_path
 
 
@@ -490,7 +507,7 @@ def test_all_kinds_of_a_library(folder):
     done = run(*arguments)
     assert done.returncode == 0, done.stderr
     told = json.loads(done.stdout)
-    names = ["yarn.pwm", "family.pwfam", "fiber.pwf", "grain.pws", "layers.pwx", "both.json"]
+    names = ["yarn.pwm", "family.pwfam", "fiber.pwf", "grain.pws", "sheet.pwx", "both.json"]
     assert [one["name"] for one in told["files"]] == names and not any(one["cached"] or one["error"] for one in told["files"])
     assert (out / "family.pwfam").read_bytes() == plywave.build_family(FAMILY, nodes=2, most_nodes=2, **SMALL).to_bytes()
     # The cache is where the URL says, and nowhere else.

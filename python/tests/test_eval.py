@@ -64,7 +64,7 @@ def test_white_furnace(polyester):
 
 
 @pytest.mark.parametrize("n", range(1, 9))
-def test_samples_keep_their_promises(polyester, satin, n):
+def test_samples_keep_their_promises(polyester, jersey, n):
     """weight pdf = eval for any number of channels; outcomes add up to 1 and are those of the samples."""
     rng = np.random.default_rng(n)
     sigma = rng.uniform(0.0, 0.02, n).astype(np.float32)
@@ -83,14 +83,14 @@ def test_samples_keep_their_promises(polyester, satin, n):
     np.testing.assert_allclose(mean, polyester.albedo(0.4, 12.0, sigma, lambdas), atol=5 * s.weight.std() / np.sqrt(len(u)))
     position = rng.uniform(0.0, 2000.0, (500, 2))
     at = (position, [0.0, 0.6, 0.8])
-    s = satin.sample(*at, u[:500], lambdas)
-    f, pdf = satin.eval_pdf(*at, s.w, lambdas)
+    s = jersey.sample(*at, u[:500], lambdas)
+    f, pdf = jersey.eval_pdf(*at, s.w, lambdas)
     hit = s.event == plywave.SCATTERED
     np.testing.assert_allclose(f[hit], (s.weight * s.pdf[:, None])[hit], rtol=5e-3, atol=1e-6)
     np.testing.assert_allclose(pdf[hit], s.pdf[hit], rtol=5e-3, atol=1e-6)
 
 
-def test_light_that_goes_straight_on(polyester, satin):
+def test_light_that_goes_straight_on(polyester):
     """Without its edge a ply lets what misses it pass, along the beam."""
     s = polyester.sample(0.5, 60.0, np.random.default_rng(3).uniform(size=(20000, 3)), 0.0, edge=False)
     straight = s.event == plywave.STRAIGHT
@@ -101,10 +101,10 @@ def test_light_that_goes_straight_on(polyester, satin):
     assert beside.event == plywave.STRAIGHT and beside.weight[0] == 1.0 and beside.pdf == 1.0
 
 
-def test_what_is_no_number_gives_zero(polyester, satin):
+def test_what_is_no_number_gives_zero(polyester, jersey):
     assert (polyester.eval(np.nan, 0.0, [0.0, 1.0, 0.0], 0.0, edge=False) == 0).all()
     assert (polyester.eval(0.3, 0.0, [np.inf, 1.0, 0.0], 0.0) == 0).all()
-    assert np.isfinite(satin.eval([np.nan, np.inf], [0.0, 0.0, 1.0], [0.0, 0.0, 1.0])).all()
+    assert np.isfinite(jersey.eval([np.nan, np.inf], [0.0, 0.0, 1.0], [0.0, 0.0, 1.0])).all()
 
 
 def test_one_query_at_a_time_is_the_same(polyester):
@@ -120,57 +120,6 @@ def test_one_query_at_a_time_is_the_same(polyester):
         f, pdf = polyester.eval_pdf(theta_i, h_um, w, sigma, edge=edge)
         np.testing.assert_allclose(f, many, rtol=2e-4, atol=1e-6)
         np.testing.assert_allclose(pdf, polyester.pdf(theta_i, h_um, w, sigma, edge=edge), rtol=2e-4, atol=1e-6)
-
-
-def test_fabric_energy_and_colors(fabrics):
-    white = plywave.Fabric(fabrics / "polyester_satin.toml", sigma_per_um=0.0)
-    rng = np.random.default_rng(7)
-    position = rng.uniform(0.0, 3000.0, (400, 2))
-    kept = white.albedo(position, [0.3, 0.2, 0.933]) + white.straight(position, [0.3, 0.2, 0.933])
-    assert abs(kept.mean() - 1.0) < 0.02
-    red = white.with_colors([0.7, 0.1, 0.1], [0.7, 0.1, 0.1])
-    rgb = red.albedo(position, [0.3, 0.2, 0.933]).mean(0)
-    assert rgb[0] > 3 * rgb[1] and red.color_of in ("even_sky", "reflected", "folded")
-    black = white.with_colors(10.0, 10.0)
-    assert black.albedo(position, [0.3, 0.2, 0.933]).mean() < rgb[0]
-    sigma = white.sigma_of_reflectance([0.9, 0.5, 0.1])
-    assert (np.diff(sigma) > 0).all()
-    own = white.albedo(position, [0.3, 0.2, 0.933], sigma_per_um=([0.5, 0.5, 0.5], None))
-    assert (own <= kept + 1e-5).all() and own.mean() < kept.mean()
-
-
-def test_fabrics_have_slits(fabrics):
-    """By option and by spec alike; slits move light and lose none; what cannot be is told."""
-    organza = fabrics / "silk_organza.toml"
-    plain, slits = plywave.Fabric(organza), plywave.Fabric(organza, slits=plywave.Slit(2.0))
-    rng = np.random.default_rng(8)
-    position, wo = rng.uniform(0.0, 3000.0, (400, 2)), [0.0, 0.0, 1.0]
-    wi = -directions(rng, 400) * [0.3, 0.3, 1.0]
-    wi[:, 2] = -np.abs(wi[:, 2])
-    wi /= np.linalg.norm(wi, axis=-1, keepdims=True)
-    f, g = (fabric.eval(position, wo, wi) for fabric in (plain, slits))
-    np.testing.assert_allclose(plain.albedo(position, wo), slits.albedo(position, wo), atol=0.025)
-    assert (f != g).any(-1).mean() > 0.2
-    text = organza.read_text().replace("plies = 1", "plies = 1\nslit_um = 2.0")
-    same = plywave.Fabric(text, folder=fabrics)
-    np.testing.assert_array_equal(same.eval(position, wo, wi), g)
-    none = plywave.Fabric(text, folder=fabrics, slits=plywave.Slit(2.0, 0.0))
-    np.testing.assert_array_equal(none.eval(position, wo, wi), f)
-    for bad, words in [(plywave.Slit(9.0), "width_um"), ((1.0, 0.2), "slits: tuple: give a Slit")]:
-        with pytest.raises(plywave.Error, match=words):
-            plywave.Fabric(organza, slits=bad)
-
-
-def test_turned_fabrics(satin):
-    """The pattern turned with both directions is the same."""
-    rng = np.random.default_rng(11)
-    position, wo, wi = rng.uniform(0, 500, (200, 2)), directions(rng, 200), directions(rng, 200)
-    a = 0.7
-    turn = np.array([[np.cos(a), -np.sin(a)], [np.sin(a), np.cos(a)]])
-    around = lambda w: np.concatenate([w[..., :2] @ turn.T, w[..., 2:]], -1)  # noqa: E731
-    f = satin.eval(position, wo, wi)
-    g = satin.eval(position @ turn.T, around(wo), around(wi), turn_rad=a)
-    assert np.median(np.abs(f - g) / (np.abs(f) + 1e-3)) < 1e-3
 
 
 def test_speckle(fabrics, polyester):

@@ -112,19 +112,20 @@ def test_the_words_are_those_of_the_program(built, tiny, program, tmp_path, monk
         (tmp_path / name).write_text(tiny.replace(was, now))
         want = program_says(program, "build", name, "--preset", "preview", "-o", "x.pwm")
         assert refused(lambda: plywave.build(name, "preview")) == want
-    weave = 'name = "x"\n[weave]\nkind = "plain"\n[warp]\n%s\n[weft]\n%s\n'
-    good = 'model = "ok.pwm"\nspacing_um = 90.0\nsrgb = [0.5, 0.2, 0.2]'
-    for k, bad in enumerate(["", 'model = "none.pwm"\nspacing_um = 90.0', good + "\nplies = 3", good.replace("90.0", "9.0"), good.replace("0.5", "1.5")]):
+    weave = 'name = "x"\n[weave]\nkind = "plain"\n[warp]\nends_per_cm = 60\n%s\n[weft]\npicks_per_cm = 60\n%s\n'
+    good = 'model = "ok.pwm"\ncount = { tex = 10 }\ndensity_g_per_cm3 = 1.4\nsrgb = [0.5, 0.2, 0.2]'
+    bad = ["", good.replace("ok.pwm", "none.pwm"), good + "\nplies = 9", good.replace("10", "-1"), good.replace("0.5", "1.5"), 'model = "ok.pwm"\nspacing_um = 90.0']
+    for k, warp in enumerate(bad):
         name = f"cloth{k}.toml"
-        (tmp_path / name).write_text(weave % (bad, good))
-        assert refused(lambda: plywave.Fabric(name)) == program_says(program, "weave", name, "-o", "x.png")
+        (tmp_path / name).write_text(weave % (warp, good))
+        assert refused(lambda: plywave.weave(name)) == program_says(program, "weave", name, "-o", "x.pwc")
     (tmp_path / "scene.toml").write_text('lambda_um = [0.5]\ntheta_i_deg = [0.0]\n[[fiber]]\nshape = { kind = "circle", radius_um = -1.0 }\neta = 1.5\n')
     assert refused(lambda: plywave.wave.scatter("scene.toml")) == program_says(program, "wave", "scatter", "scene.toml")
 
 
-def test_files_are_loaded_by_what_they_hold(fabrics, tmp_path):
-    assert isinstance(plywave.load(str(fabrics / "cotton_plain.toml")), plywave.Fabric)
-    twin = next((fabrics / "twins").glob("*.pwx"))
+def test_files_are_loaded_by_what_they_hold(fabrics, program, tmp_path):
+    twin = tmp_path / "organza.pwx"
+    subprocess.run([program, "twin", fabrics / "cloths" / "organza.toml", "--paths", "64", "--views", "0", "--quiet", "-o", twin], check=True)
     assert isinstance(plywave.load(twin), plywave.Twin)
     refused(lambda: plywave.load(fabrics / "silk.toml"), "silk.toml", "plywave.build")
     scene = next((fabrics / "scenes").glob("*.toml"))
@@ -137,33 +138,15 @@ def test_files_are_loaded_by_what_they_hold(fabrics, tmp_path):
     refused(lambda: plywave.Model.from_bytes(b"abc", "here"), "here")
 
 
-def test_specs_as_text_and_dict(fabrics, monkeypatch, tmp_path):
-    text = (fabrics / "cotton_plain.toml").read_text()
-    whole = plywave.Fabric(fabrics / "cotton_plain.toml")
-    same = plywave.Fabric(text, folder=fabrics)
-    at = ([100.0, 30.0], [0.0, 0.6, 0.8], [0.3, 0.0, 0.954])
-    np.testing.assert_array_equal(whole.eval(*at), same.eval(*at))
-    yarn = {"model": str(fabrics / "models" / "polyester.pwm"), "spacing_um": 130.0, "crimp": 0.3, "srgb": np.array([0.6, 0.2, 0.2])}
-    made = plywave.Fabric({"name": "plain", "weave": {"kind": "plain"}, "warp": yarn, "weft": yarn})
-    assert made.repeat_um == (260.0, 260.0) and made.notes == plywave.Fabric.notes.fget(made)
-    refused(lambda: plywave.Fabric({"name": object()}), "fabric spec")
-    refused(lambda: plywave.Fabric({"name": float("nan")}), "fabric spec")
-    refused(lambda: plywave.Fabric(3), "int")
-    refused(lambda: plywave.Fabric(text, folder=fabrics, gaps="wide"), "gaps", "diffracted")
-    refused(lambda: plywave.Fabric(text, folder=fabrics, sigma_per_um=-1.0), "sigma_per_um")
-    assert "repeat" in whole._repr_html_() and "cotton_plain" in repr(whole)
-
-
 def test_models_that_ship_go_by_their_name(fabrics, monkeypatch, tmp_path):
     monkeypatch.chdir(tmp_path)
     monkeypatch.delenv("PLYWAVE_MODELS", raising=False)
     shipped = (fabrics / "models" / "silk.pwm").read_bytes()
     assert plywave.load("silk").to_bytes() == plywave.Model("silk").to_bytes() == plywave.Model.from_bytes(shipped).to_bytes()
-    yarn = {"model": "silk", "spacing_um": 900.0, "crimp": 0.5}
-    named = {"name": "open", "weave": {"kind": "plain"}, "warp": yarn, "weft": yarn}
-    assert plywave.Fabric(named).repeat_um == (1800.0, 1800.0)
     refused(lambda: plywave.load("sylk"), "sylk: no such file and no model of this name", "silk, viscose")
-    refused(lambda: plywave.Fabric({**named, "weft": {**yarn, "model": "sylk"}}), "weft.model = sylk", "there are: alpaca")
+    yarn = {"model": "silk", "count": {"tex": 8}, "density_g_per_cm3": 1.34}
+    named = {"name": "open", "weave": {"kind": "plain"}, "warp": {**yarn, "ends_per_cm": 20}, "weft": {**yarn, "picks_per_cm": 20, "model": "sylk"}}
+    refused(lambda: plywave.weave(named), "sylk", "there are: alpaca")
     # A folder of one's own, and the file beside.
     (tmp_path / "mine").mkdir()
     (tmp_path / "mine" / "sylk.pwm").write_bytes(shipped)

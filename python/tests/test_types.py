@@ -18,10 +18,9 @@ import plywave
 def shade(path: str, w: np.ndarray) -> Tuple[np.ndarray, float]:
     model = plywave.Model(path)
     samples: plywave.Samples = model.sample(0.1, 0.0, np.random.rand(5, 3), [0.01, 0.02])
-    fabric = plywave.Fabric("satin.toml", gaps="straight").with_colors([0.5, 0.2, 0.1])
-    cloth: plywave.Cloth = plywave.weave("jersey.toml", progress=True).with_colors([0.5, 0.2, 0.1])
-    surface: plywave.Surface = cloth if cloth.has_far else fabric
-    rgb: np.ndarray = surface.eval([0.0, 0.0], [0.0, 0.0, 1.0], samples.w)
+    woven: plywave.Cloth = plywave.weave("jersey.toml", progress=True).with_colors([0.5, 0.2, 0.1])
+    cloth = woven if woven.has_far else plywave.Cloth("satin.toml", gaps="straight")
+    rgb: np.ndarray = cloth.eval([0.0, 0.0], [0.0, 0.0, 1.0], samples.w)
     found = plywave.wave.scatter("scene.toml", progress=True)
     width: float = found[0].c_sca_um
     made: plywave.Model = plywave.build("yarn.toml", "preview", progress=lambda stage, unit, done, total: print(stage, done))

@@ -1,15 +1,11 @@
-//! Fabrics and cloths as surfaces.
+//! Cloths as surfaces.
 
 use crate::{Surface, WAVELENGTHS};
-use plywave::FabricQuery;
-use plywave::cloth::ClothSurface;
-use plywave::fabric::FabricBsdf;
+use plywave::cloth::ClothBsdf;
+use plywave::{ClothModel, ClothQuery};
 
-impl<T: ClothSurface> Surface for T {
-    type At<'a>
-        = FabricBsdf<'a, WAVELENGTHS>
-    where
-        Self: 'a;
+impl Surface for ClothModel {
+    type At<'a> = ClothBsdf<'a, WAVELENGTHS>;
 
     fn at(
         &self,
@@ -17,7 +13,7 @@ impl<T: ClothSurface> Surface for T {
         footprint_um: f32,
         wo: [f32; 3],
         lambda_um: [f32; WAVELENGTHS],
-    ) -> FabricBsdf<'_, WAVELENGTHS> {
-        self.surface_at(&FabricQuery { footprint_um, ..FabricQuery::new(uv_um, wo, lambda_um) })
+    ) -> ClothBsdf<'_, WAVELENGTHS> {
+        self.at(&ClothQuery { footprint_um, ..ClothQuery::new(uv_um, wo, lambda_um) })
     }
 }

@@ -1,4 +1,4 @@
-//! Reference host of plywave: a small spectral path tracer for a sheet of fabric, which exercises every part
+//! Reference host of plywave: a small spectral path tracer for a sheet of cloth, which exercises every part
 //! of the shading model in a real renderer.
 //!
 //! Four wavelengths go along a path. The camera ray plays the beam of the ply model: at a point of the cloth

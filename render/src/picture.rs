@@ -11,9 +11,9 @@ use exr::prelude::{
 pub struct Facts {
     /// Program and version.
     pub software: String,
-    /// Name of the fabric.
-    pub fabric: String,
-    /// File name of the fabric's spec.
+    /// Name of the cloth.
+    pub cloth: String,
+    /// File name of the cloth or its spec.
     pub spec: String,
     /// Digest of all input files of the picture, as `sha256:...`.
     pub digest: String,
@@ -35,7 +35,7 @@ impl Facts {
     pub fn entries(&self) -> [(&'static str, String); 9] {
         [
             ("Software", self.software.clone()),
-            ("fabric", self.fabric.clone()),
+            ("cloth", self.cloth.clone()),
             ("spec", self.spec.clone()),
             ("digest", self.digest.clone()),
             ("scene", self.scene.clone()),

@@ -1,4 +1,4 @@
-//! Predefined scenes for a fabric.
+//! Predefined scenes for a cloth.
 
 use crate::{Camera, Environment, Light, Mesh, Prop, Scene, Shape};
 use glam::Vec3;

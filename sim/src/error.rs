@@ -136,29 +136,6 @@ pub enum SimError {
         /// Paths that are enough.
         least: u64,
     },
-    /// Yarns of a cloth intersect: their fibers cannot be traced.
-    #[error(
-        "warp yarn {} and weft yarn {}, counted from 0 at the corner of the repeat, intersect by {:.1} um ({:.1} um along the warp and {:.1} um along the weft from their crossing; the crimps are {} and {}); use larger crimps, or wider spacings",
-        .overlap.warp, .overlap.weft, .overlap.depth_um, .overlap.along_warp_um, .overlap.along_weft_um, .crimps[0], .crimps[1]
-    )]
-    YarnsIntersect {
-        /// Where, and by how much.
-        overlap: plywave::fabric::Overlap,
-        /// Crimps of warp and weft.
-        crimps: [f64; 2],
-    },
-    /// A yarn would intersect itself where it bends.
-    #[error(
-        "{family}: a yarn bends with a radius of {radius_um:.1} um and is {half_um:.1} um wide to either side; use a smaller crimp, or a wider spacing of the other family"
-    )]
-    YarnBends {
-        /// "warp" or "weft".
-        family: &'static str,
-        /// Least radius of the center line [um].
-        radius_um: f64,
-        /// Half of the yarn's width [um].
-        half_um: f64,
-    },
     /// The triangles of a cloth would not fit in memory.
     #[error(
         "the fibers of {repeats} repeats make {triangles:.2e} triangles, {allowed:.1e} are allowed; use fewer repeats or a coarser mesh"

@@ -1,12 +1,12 @@
 //! Cloth files (`.pwc`): all that shading needs, made once.
 
+use super::between::{CLASSES, CLASSES_A_KIND, FEW, InterYarn, PAIRS, SIGMAS, Side, TERMS};
+use super::far::{COLUMNS, FarData, NODES, OPENING_NUMBERS, Runs, VIEWS};
+use super::query::ClothOptions;
 use super::shade::ClothShadows;
+use super::shadow::{self, LANES, ROWS};
+use super::splines::COUNT;
 use super::{ClothCurves, ClothYarn, PlyCurve};
-use crate::fabric::FabricOptions;
-use crate::fabric::between::{CLASSES, CLASSES_A_KIND, FEW, InterYarn, PAIRS, SIGMAS, Side, TERMS};
-use crate::fabric::far::{COLUMNS, FarData, NODES, OPENING_NUMBERS, Runs, VIEWS};
-use crate::fabric::shadow::{self, LANES, ROWS};
-use crate::fabric::splines::COUNT;
 use crate::io::{Axis, Check, Document, FileKind, Provenance, Reader, Writer, document, invalid};
 use crate::spec::YarnSpec;
 use crate::{PlyModel, Result};
@@ -106,7 +106,7 @@ impl ClothData {
 
     /// Effects that these options ask of it and that it does not have, one note a line: speckle of models
     /// without noise, the mean over the cell.
-    pub fn notes(&self, options: &FabricOptions) -> Vec<String> {
+    pub fn notes(&self, options: &ClothOptions) -> Vec<String> {
         let mut notes = Vec::new();
         let plies = self.models.iter().zip(self.ply_names());
         for (_, ply) in plies.filter(|(model, _)| options.noise && model.data().noise.is_none()) {

@@ -1,11 +1,10 @@
 //! Paths through a cloth of curves.
 
 use super::lines::LineHits;
+use super::paths::{Escaped, Scattered};
 use super::plies::{ClothPlies, class, frame, start};
 use super::shade::{ClothShade, ClothShadows, PassesPlies, is_own};
-use crate::fabric::flight::exit;
-use crate::fabric::paths::{Escaped, Paths, Scattered};
-use crate::fabric::shade::Shade;
+use super::shadow::exit;
 use crate::math::vec3::{cross, dot};
 
 /// Shadows of a cloth, while the light between its plies is found.
@@ -14,17 +13,23 @@ pub(crate) struct ClothPaths<'a> {
     pub shadows: &'a ClothShadows,
 }
 
-impl Paths for ClothPaths<'_> {
-    // With a fourth of them the light that close cloths reflect depends on the seed.
-    const BEAMS: usize = 1 << 20;
-
-    fn place(&self, fractions: [f64; 2]) -> [f32; 2] {
+impl ClothPaths<'_> {
+    /// A point of the middle plane [um] by fractions, 0 to 1, even over the cell.
+    pub fn place(&self, fractions: [f64; 2]) -> [f32; 2] {
         let [a, b] = self.plies.lattice.cell_um;
         let [s, t] = fractions;
         [(s * a[0] + t * b[0]) as f32, (s * a[1] + t * b[1]) as f32]
     }
 
-    fn path(&self, a: [f32; 3], at: [f32; 2], is_followed: bool, number: &mut dyn FnMut() -> f32) -> Option<Escaped> {
+    /// A path from direction `a` through a point of the middle plane, followed to its end or to its first
+    /// ply; none where it is dropped or lost.
+    pub fn path(
+        &self,
+        a: [f32; 3],
+        at: [f32; 2],
+        is_followed: bool,
+        number: &mut dyn FnMut() -> f32,
+    ) -> Option<Escaped> {
         let ClothPlies { lines, kind_of, models, scale, .. } = self.plies;
         let mut d = a.map(|v| -v);
         let mut from = start(lines, at, a);
@@ -49,19 +54,11 @@ impl Paths for ClothPaths<'_> {
             let (radius, z) = (hit.radius_um, hit.tangent);
             let shade = ClothShade::new(self.shadows, hit, a, [true; 2]);
             let first = if gone.orders == 0 {
-                Some((class(kind, depth, depth + 1 < hits.as_slice().len()), Shade::Curves(shade)))
+                Some((class(kind, depth, depth + 1 < hits.as_slice().len()), shade))
             } else {
                 None
             };
-            let ply = Scattered {
-                model: &models[kind],
-                theta_i,
-                h_um,
-                radius_um: radius * scale[kind],
-                frame,
-                slit: None,
-                kind,
-            };
+            let ply = Scattered { model: &models[kind], theta_i, h_um, radius_um: radius * scale[kind], frame, kind };
             let (t, s) = gone.scatter(&ply, first, (a, is_followed), &mut d, number)?;
             if !is_followed {
                 return Some(gone);

@@ -8,8 +8,8 @@
 use super::ClothCurves;
 use super::grid::{Entry, Grid, LANES, Piece, Shape};
 use super::nearest::{Found, near, refine};
+use super::shadow::AxisAt;
 use crate::Result;
-use crate::fabric::shadow::AxisAt;
 use crate::math::simd::{max, min};
 use crate::math::vec3::{cross, dot};
 use multiversion::{multiversion, target::target_cfg_f};

@@ -1,14 +1,14 @@
 //! All that shading needs of a cloth, found by lines and paths through it.
 
 use super::ClothCurves;
+use super::between::InterYarn;
+use super::far::FarData;
 use super::file::ClothData;
 use super::follow::ClothPaths;
 use super::model::ClothModel;
 use super::plies::ClothPlies;
+use super::query::{ClothOptions, GapLight};
 use super::shade::ClothShadows;
-use crate::fabric::between::InterYarn;
-use crate::fabric::far::FarData;
-use crate::fabric::{FabricOptions, GapLight};
 use crate::math::half::{from_half, to_half};
 use crate::{PlyModel, Result};
 use std::sync::Arc;
@@ -34,7 +34,7 @@ impl ClothData {
         let plies = ClothPlies::new(curves, &models)?;
         let shadows = ClothShadows::new(&plies.lines, &plies);
         told("light between plies")?;
-        let between = InterYarn::of(&ClothPaths { plies: &plies, shadows: &shadows });
+        let between = InterYarn::new(&ClothPaths { plies: &plies, shadows: &shadows });
         let mut data = ClothData {
             spec_text: spec_text.into(),
             name: name.into(),
@@ -48,7 +48,7 @@ impl ClothData {
         };
         if has_far {
             told("mean over the cell")?;
-            let options = FabricOptions { gaps: GapLight::Diffracted, ..FabricOptions::RAYS };
+            let options = ClothOptions { gaps: GapLight::Diffracted, ..ClothOptions::RAYS };
             let mut far = FarData::new(&ClothModel::from_data(data.clone(), &options)?);
             // As a file has it.
             far.f.as_flattened_mut().iter_mut().for_each(|f| *f = from_half(to_half(*f)));

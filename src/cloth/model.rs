@@ -1,25 +1,26 @@
 //! The cloth as a surface that scatters light (Yu 2025, 7.1): the plies that a line hits, the light that
 //! passes them all, and the light between plies.
 //!
-//! As for a [`crate::FabricModel`], the query's `wo` is the direction to the viewer, and f(wi) holds the
-//! cosine at the surface.
+//! The camera ray plays the beam: the query's `wo` is the direction to the viewer, and f(wi), an energy
+//! density per steradian of the light's direction `wi`, holds the cosine at the surface: `radiance to wo =
+//! integral f(wi) radiance from wi d wi`. Averaged over the cell, f over that cosine is symmetric in wo and
+//! wi up to the ply models' own asymmetry, and energy is conserved either way (docs/explain/papers.md:
+//! departures from 7.1).
 
-use super::dyes::Dyes;
+use super::between::{CLASSES_A_KIND, InterYarn, SIGMA_PER_UM, SIGMAS};
+use super::bsdf::{ClothBsdf, MAX_NEAR, NearPly, Passes};
+use super::color_of;
+use super::dye::{ColorReach, own_color};
+use super::far::{self, Far, FarAt, FarData, Mixed, Seen};
 use super::gap::ClothGaps;
 use super::lines::{ClothLines, LineHit, LineHits};
 use super::plies::{ClothPlies, class, frame, passes, start};
+use super::query::{ClothOptions, ClothQuery, GapLight, Slits, in_pattern};
 use super::shade::{ClothShade, ClothShadows};
-use super::{ClothData, ClothSpec, ClothSurface};
+use super::shadow::Toward;
+use super::yarn_colors::Dyes;
+use super::{Channels, ClothData, ClothSpec, ColorOf, YarnColor};
 use crate::color::AlbedoCurve;
-use crate::fabric::at::{FabricBsdf, NearPly, Passes, in_pattern};
-use crate::fabric::between::{CLASSES_A_KIND, InterYarn, SIGMA_PER_UM, SIGMAS};
-use crate::fabric::color_of;
-use crate::fabric::dye::{ColorReach, own_color};
-use crate::fabric::far::{self, Far, FarAt, FarData, Mixed, Places, Runs, Seen};
-use crate::fabric::hit::MAX_NEAR;
-use crate::fabric::shade::Shade;
-use crate::fabric::shadow::Toward;
-use crate::fabric::{Channels, ColorOf, FabricOptions, FabricQuery, GapLight, Slits, YarnColor};
 use crate::fiber::Reflections;
 use crate::gap::{Opening, Slit};
 use crate::ply::{Prepared, UncachedPly};
@@ -46,7 +47,7 @@ pub struct ClothModel {
     metals: [Option<Reflections>; 2],
     colors: [Vec<YarnColor>; 2],
     pub(super) dyes: Dyes,
-    pub(super) options: FabricOptions,
+    pub(super) options: ClothOptions,
     pub(super) shadows: ClothShadows,
     pub(super) between: InterYarn,
     /// By kind.
@@ -57,19 +58,12 @@ pub struct ClothModel {
     pub(super) far: Option<Arc<Far>>,
 }
 
-impl ClothSurface for ClothModel {
-    #[inline(always)]
-    fn surface_at<'a, const N: usize>(&'a self, query: &FabricQuery<'a, N>) -> FabricBsdf<'a, N> {
-        self.at(query)
-    }
-}
-
 impl ClothModel {
     /// Reads a cloth file.
     ///
     /// # Errors
     /// As [`ClothData::load`].
-    pub fn load(path: impl AsRef<Path>, options: &FabricOptions) -> Result<ClothModel> {
+    pub fn load(path: impl AsRef<Path>, options: &ClothOptions) -> Result<ClothModel> {
         ClothModel::from_data(ClothData::load(path)?, options)
     }
 
@@ -77,15 +71,16 @@ impl ClothModel {
     ///
     /// # Errors
     /// As [`ClothData::load`].
-    pub fn from_bytes(bytes: &[u8], name: &str, options: &FabricOptions) -> Result<ClothModel> {
+    pub fn from_bytes(bytes: &[u8], name: &str, options: &ClothOptions) -> Result<ClothModel> {
         ClothModel::from_data(ClothData::from_bytes(bytes, name)?, options)
     }
 
-    /// Of the contents of a cloth file. Nothing is traced.
+    /// Of the contents of a cloth file. Nothing is traced, but for colors of another light than a sky all
+    /// round: that takes tenths of a second.
     ///
     /// # Errors
     /// Those of the spec and of the models in it.
-    pub fn from_data(data: ClothData, options: &FabricOptions) -> Result<ClothModel> {
+    pub fn from_data(data: ClothData, options: &ClothOptions) -> Result<ClothModel> {
         let spec = ClothSpec::parse(&data.spec_text, "cloth (its spec)")?;
         let plies = ClothPlies::new(&data.curves, &data.models)?;
         let runs = plies.runs;
@@ -120,7 +115,7 @@ impl ClothModel {
         };
         let slits = [slit(0)?, slit(1)?];
         let metals = [own_color(&plies.models[0])?, own_color(&plies.models[kind(1)])?];
-        Ok(ClothModel {
+        let cloth = ClothModel {
             dyes: Dyes::new(&colors, &metals, &curve),
             curve,
             color_of: ColorOf::EvenSky,
@@ -132,8 +127,20 @@ impl ClothModel {
             between: data.between,
             slits,
             gaps,
-            far: data.far.filter(|_| options.far).map(|far| Arc::new(Far::of(FarData { runs, ..far }))),
+            far: data.far.filter(|_| options.far).map(|far| Arc::new(Far::new(FarData { runs, ..far }))),
+        };
+        Ok(match spec.color_of {
+            ColorOf::EvenSky => cloth,
+            of => cloth.meaning(of),
         })
+    }
+
+    /// The same cloth whose colors are colors of `of`.
+    fn meaning(mut self, of: ColorOf) -> ClothModel {
+        self.curve = self.color_curve_of(of);
+        self.color_of = of;
+        self.dyes = Dyes::new(&self.colors, &self.metals, &self.curve);
+        self
     }
 
     /// The same cloth with other colors of its kinds of yarns, which are colors of `of`; of a single kind,
@@ -141,13 +148,8 @@ impl ClothModel {
     #[must_use]
     pub fn with_colors(&self, colors: [YarnColor; 2], of: ColorOf) -> ClothModel {
         let mut other = self.clone();
-        if of != self.color_of {
-            other.curve = self.color_curve_of(of);
-            other.color_of = of;
-        }
         other.colors = [0, 1].map(|kind: usize| vec![colors[kind.min(self.kinds() - 1)]]);
-        other.dyes = Dyes::new(&other.colors, &other.metals, &other.curve);
-        other
+        other.meaning(of)
     }
 
     /// Its colors in sRGB, each once, and what becomes of them.
@@ -206,7 +208,7 @@ impl ClothModel {
         &self.curve
     }
 
-    /// What its colors are colors of: of a file, a sky all round.
+    /// What its colors are colors of.
     pub fn color_of(&self) -> ColorOf {
         self.color_of
     }
@@ -222,11 +224,8 @@ impl ClothModel {
             return even_sky;
         }
         let (gaps, slits) = (None, [None; 2]);
-        let rays = ClothModel { options: FabricOptions::RAYS, far: None, gaps, slits, ..self.clone() };
-        // Places are even over a part of the plane that is large beside the cell.
-        let [a, b] = self.plies.lattice.cell_um;
-        let repeat_um = [0, 1].map(|k| a[k].abs().max(b[k].abs()));
-        color_of::curve(&color_of::Sheet { cloth: &rays, repeat_um }, of, &even_sky)
+        let rays = ClothModel { options: ClothOptions::RAYS, far: None, gaps, slits, ..self.clone() };
+        color_of::curve(&rays, of, &even_sky)
     }
 
     /// Absorptions [1/um] with which the cloth has these reflectances, 0 to 1, at wavelengths or in linear
@@ -238,7 +237,7 @@ impl ClothModel {
 
     /// Absorptions of a kind of yarn, or their mean.
     #[inline]
-    fn sigma<const N: usize>(&self, query: &FabricQuery<'_, N>, kind: usize) -> [f32; N] {
+    fn sigma<const N: usize>(&self, query: &ClothQuery<'_, N>, kind: usize) -> [f32; N] {
         let kind = kind.min(self.plies.kinds - 1);
         query.sigma_per_um[kind].unwrap_or_else(|| self.dyes.mean(kind).at(query.lambda_um, query.channels))
     }
@@ -255,14 +254,14 @@ impl ClothModel {
 
     /// The cloth at a query.
     #[inline(always)]
-    pub fn at<'a, const N: usize>(&'a self, query: &FabricQuery<'a, N>) -> FabricBsdf<'a, N> {
+    pub fn at<'a, const N: usize>(&'a self, query: &ClothQuery<'a, N>) -> ClothBsdf<'a, N> {
         // In its place: it is too large to move.
-        let mut at = FabricBsdf::empty();
+        let mut at = ClothBsdf::empty();
         self.fill(query, &mut at);
         at
     }
 
-    fn fill<'a, const N: usize>(&'a self, query: &FabricQuery<'a, N>, at: &mut FabricBsdf<'a, N>) {
+    fn fill<'a, const N: usize>(&'a self, query: &ClothQuery<'a, N>, at: &mut ClothBsdf<'a, N>) {
         let (turn, at_um, wo) = in_pattern(query);
         at.turn = turn;
         if at.is_far(self.far_at(query, wo)) {
@@ -371,7 +370,7 @@ impl ClothModel {
         let scale = self.plies.scale[class / CLASSES_A_KIND];
         NearPly {
             frame: frame(hit, wo.map(|v| -v)),
-            shade: Shade::Curves(ClothShade::new(&self.shadows, hit, wo, counts)),
+            shade: ClothShade::new(&self.shadows, hit, wo, counts),
             exits: ply.model.exits_at(ply.query.theta_i, ply.query.h_um, hit.radius_um * scale),
             ply,
             class,
@@ -398,7 +397,7 @@ impl ClothModel {
 
     /// The mean over the cell where a query asks for it, seen from `wo` in the pattern's frame, and its
     /// share.
-    fn far_at<'a, const N: usize>(&'a self, query: &FabricQuery<'a, N>, wo: [f32; 3]) -> Option<(FarAt<'a, N>, f32)> {
+    fn far_at<'a, const N: usize>(&'a self, query: &ClothQuery<'a, N>, wo: [f32; 3]) -> Option<(FarAt<'a, N>, f32)> {
         let far = self.far.as_deref()?;
         let longest = self.lines().cell().0.map(|v| v[0].hypot(v[1])).into_iter().fold(0.0, f32::max);
         let share = far::share(query, wo, f64::from(longest))?;
@@ -420,18 +419,16 @@ impl ClothModel {
     }
 }
 
-impl Places for ClothModel {
-    fn kinds(&self) -> (usize, [Runs; 2]) {
-        (self.plies.kinds, self.plies.runs)
-    }
-
-    fn seen(&self, kind: usize, place: [f64; 2], _: f64, wo: [f32; 3], lights: &[Toward]) -> Seen {
+impl ClothModel {
+    /// What is seen of the plies of a kind from `wo` at a place of the cell, by fractions of it, towards
+    /// `lights`.
+    pub(super) fn seen(&self, kind: usize, place: [f64; 2], wo: [f32; 3], lights: &[Toward]) -> Seen {
         let [a, b] = self.plies.lattice.cell_um;
         let at = [0, 1].map(|k| (place[0] * a[k] + place[1] * b[k]) as f32);
-        let query = FabricQuery {
+        let query = ClothQuery {
             sigma_per_um: [Some(SIGMA_PER_UM); 2],
             channels: Channels::Wavelengths,
-            ..FabricQuery::new(at, wo, [0.55; SIGMAS])
+            ..ClothQuery::new(at, wo, [0.55; SIGMAS])
         };
         self.at(&query).seen(kind, lights)
     }

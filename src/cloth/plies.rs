@@ -1,10 +1,10 @@
 //! The curves of a cloth with the models of their plies: what a line meets.
 
+use super::between::CLASSES_A_KIND;
+use super::far::Runs;
 use super::lines::{ClothLines, LineHit};
 use super::shade::PassesPlies;
 use super::{ClothCurves, ClothYarn, Lattice};
-use crate::fabric::between::CLASSES_A_KIND;
-use crate::fabric::far::Runs;
 use crate::math::vec3::{cross, dot};
 use crate::spec::YarnSpec;
 use crate::spec::rules::invalid;

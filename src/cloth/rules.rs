@@ -1,8 +1,8 @@
 //! Rules of the cloth spec: its keys and their ranges, and what must hold between them.
 
 use super::spec::{ClothSpec, YarnOfCloth};
+use super::weave::{WEAVES, WeaveSpec, check_weave};
 use crate::Result;
-use crate::fabric::{WEAVES, check_weave};
 use crate::gap::SLIT_MAX_UM;
 use crate::spec::rules::{self, Custom, Key, Kind, Rules, invalid, optional, required};
 use toml::Value;
@@ -27,6 +27,7 @@ const ROOT: &[Key] = &[
     optional("weft", Kind::Table(YARN), "of a weave"),
     optional("yarn", Kind::Table(YARN), "of a knit and of curves"),
     optional("thickness_um", Kind::Number(1.0, 1e5), "not pressed"),
+    optional("color_of", Kind::Choice(&["even_sky", "reflected", "folded"]), "\"even_sky\""),
 ];
 const COUNT: &[Key] = &[
     optional("tex", Kind::Number(0.1, 1e4), "another unit"),
@@ -45,8 +46,8 @@ const YARN: &[Key] = &[
     optional("bundles", Kind::Integer(1, 19), "1"),
     optional("twist_per_m", Kind::Number(0.0, 5000.0), "0.0"),
     optional("handedness", Kind::Choice(&["Z", "S"]), "\"Z\""),
-    optional("ends_per_cm", Kind::Number(0.1, 1000.0), "of a warp"),
-    optional("picks_per_cm", Kind::Number(0.1, 1000.0), "of a weft"),
+    optional("ends_per_cm", Kind::Number(0.1, 1000.0), "of a warp; the WIF's"),
+    optional("picks_per_cm", Kind::Number(0.1, 1000.0), "of a weft; the WIF's"),
     optional("tension", Kind::Number(0.01, 100.0), "1.0"),
     optional("crimp_percent", Kind::Number(0.0, 200.0), "by tension"),
     optional("stiffness", Kind::Number(0.0, 100.0), "0.5"),
@@ -159,7 +160,7 @@ fn check_relations(file: &str, spec: &ClothSpec) -> Result<()> {
     let wanted = if given[0] { ["warp", "weft"].as_slice() } else { &["yarn"] };
     for (name, yarn) in [("warp", &spec.warp), ("weft", &spec.weft), ("yarn", &spec.yarn)] {
         match (yarn, wanted.contains(&name)) {
-            (Some(yarn), true) => check_yarn(file, name, yarn)?,
+            (Some(yarn), true) => check_yarn(file, name, yarn, matches!(spec.weave, Some(WeaveSpec::Wif { .. })))?,
             (None, true) => return Err(invalid(file, name, "(absent)", "this table must be given")),
             (Some(_), false) => {
                 let hint = format!("leave it out, or use [{}]", wanted.join("] and ["));
@@ -174,7 +175,7 @@ fn check_relations(file: &str, spec: &ClothSpec) -> Result<()> {
     Ok(())
 }
 
-fn check_yarn(file: &str, name: &str, yarn: &YarnOfCloth) -> Result<()> {
+fn check_yarn(file: &str, name: &str, yarn: &YarnOfCloth, is_wif: bool) -> Result<()> {
     let key = |of: &str| format!("{name}.{of}");
     let units = yarn.count.units();
     if units.len() != 1 {
@@ -211,6 +212,8 @@ fn check_yarn(file: &str, name: &str, yarn: &YarnOfCloth) -> Result<()> {
         _ => None,
     };
     match density {
+        // A WIF may have it.
+        Some((_, None, _, None)) if is_wif => Ok(()),
         Some((own, None, _, None)) => Err(invalid(file, &key(own), "(absent)", "this key must be given")),
         Some((own, _, other, Some(value))) => Err(invalid(file, &key(other), value, format!("use {own}"))),
         None if yarn.spacing_um().is_some() => {

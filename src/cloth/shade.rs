@@ -2,10 +2,10 @@
 //! ply.
 //!
 //! It is tabulated for each curve of the cell over the place along it, the offset from its axis and the
-//! direction, by lines followed through the cloth. The numbers of a place are those of `fabric/shadow.rs`.
+//! direction, by lines followed through the cloth. The numbers of a place are those of `shadow.rs`.
 
 use super::lines::{ClothLines, LineHit, LineHits};
-use crate::fabric::shadow::{ALL_FREE, COLUMNS, LANES, ROWS, ShadowsAt, Toward, fill_row, free};
+use super::shadow::{ALL_FREE, COLUMNS, LANES, ROWS, ShadowsAt, Toward, fill_row, free};
 use crate::math::hash::SplitMix64;
 use crate::math::{floor_fraction, parallel};
 use crate::ply::{EXIT_KINDS, ExitLine};

@@ -1,8 +1,11 @@
 //! The cloth spec (TOML): a weave, a knit or curves from a file, and its yarns in textile units.
 //! Keys and ranges are in `rules.rs`.
 
+use super::color_of::ColorOf;
+use super::draft::Draft;
+use super::query::Slits;
 use super::units::{Count, fiber_area_um2, round_radius_um};
-use crate::fabric::{Draft, Slits, WeaveSpec};
+use super::weave::WeaveSpec;
 use crate::gap::SLIT_SHARE;
 use crate::spec::Handedness;
 use serde::{Deserialize, Serialize};
@@ -14,6 +17,9 @@ use std::f64::consts::PI;
 pub struct ClothSpec {
     /// Name of the cloth, for the record.
     pub name: String,
+    /// What the colors are colors of.
+    #[serde(default)]
+    pub color_of: ColorOf,
     /// Which yarn is on top where, of a woven cloth.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub weave: Option<WeaveSpec>,

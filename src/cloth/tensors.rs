@@ -1,8 +1,8 @@
 //! All tables of a cloth as named arrays, for hosts that evaluate it on machines of their own (GPUs,
 //! differentiating compilers): `python/plywave/mitsuba` is one.
 //!
-//! With these arrays, the files of the ply models and the formulas of this folder and of `src/fabric`,
-//! [`ClothModel`] can be rebuilt. Arrays are flat, last index fastest; lengths in um. Kinds are those of the
+//! With these arrays, the files of the ply models and the formulas of this folder, [`ClothModel`] can be
+//! rebuilt. Arrays are flat, last index fastest; lengths in um. Kinds are those of the
 //! cloth's yarns, one or two.
 //!
 //! | name | shape | |
@@ -12,8 +12,9 @@
 //! | `options` | `[4]` | speckle, layers, shadowing, edges |
 //! | `gap` | `[3]` | of diffracted light: height above which no line comes near a ply, step of the edges of `apertures`, reach of the beam |
 //! | `gap_counts`, `gap_voxel`, `gap_entry` | | as `counts`, `voxel` and `entry`, of lines that come within the beam's reach of a ply |
-//! | `apertures` | `[33][33][74]` | as of a fabric |
-//! | `slit_share`, `slits` | `[2]`, `[2][2][74]` or empty | as of a fabric, by kind |
+//! | `apertures` | `[33][33][74]` | spectra by the distances of their two edges: the factor's eight numbers, g, 65 masses. A point's aperture has the factor of its own edges, and is sampled by the row nearest to them (`src/gap/apertures.rs`) |
+//! | `slit_share` | `[2]` | by kind, share of the forward light that slits between fibers take, 0 without slits |
+//! | `slits` | `[2][2][74]` or empty | spectra of the slits across and along the ply, as those of `apertures`; empty where no yarn has slits |
 //! | `counts` | `[3]` | voxels along each vector of the cell and along z |
 //! | `voxel` | `[voxels + 1]` | first entry of each voxel |
 //! | `entry` | `[entries][3]` | piece, and the cells by which it is moved, plus 2^15 |
@@ -22,7 +23,8 @@
 //! | `curve_of` | `[curves][8]` | kind; first place in `shadow_free` and number of places; number of the yarn and what is added for each cell along the vectors, modulo 2^32; curve; knots |
 //! | `places_per_knot` | `[curves]` | places for a step of 1 of the parameter |
 //! | `kind` | `[kinds][2]` | 1 where yarns run along y, 0 along x; radius of the model's ply over that of the curves |
-//! | `passed`, `passed_h_um`, `exit_shapes` | | of the model of each kind, as of a fabric |
+//! | `exit_shapes` | `[kinds][3][65][2]` | of each model how light lies across a ply where it leaves: mode and length over R, by kind of light and mean over R, 0 to 0.97 |
+//! | `passed`, `passed_h_um` | `[kinds][16][65]`, `[kinds]` | of each model r_d of lines, summed over offsets from -h to h, over h; latitudes from 0 to a right angle |
 //! | `dye_rgb`, `dye_spectrum` | `[dyes][3]`, `[dyes][81]` | absorptions [1/um] of linear sRGB, and at 0.38 to 0.78 um |
 //! | `dyes_0`, `dyes_1` | `[yarns]` | of each kind, the dye of each yarn by its number, which repeats |
 //! | `dye_mean` | `[kinds]` | the dye of the mean color of each kind's yarns |
@@ -31,23 +33,47 @@
 //! | `between_caught` | `[2][8][3][8][168]` | by side, class, sent up, down and all, absorption: splines of the direction |
 //! | `between_leaves` | `[2][8][2][2][64][8]` | by side, class, sent, leaves, pair of absorptions |
 //! | `between_shape` | `[2][2][64][16]` | by side, leaves, pair |
-//! | `far_*` | | those of a fabric, with 4 classes a kind and as many apertures; only of cloths loaded with `FabricOptions::far` |
+//! | `far_phi_i`, `far_theta_i`, `far_sigma` | `[15]`, `[11]`, `[8]` | of the mean over the cell: nodes of a view's azimuth on one side and latitude [degrees], and of absorption [1/um]; these and the next only of cloths loaded with `ClothOptions::far` |
+//! | `far_f` | `[kinds][330][24][17][8]` | by kind and view, azimuth and latitude of the light, absorption |
+//! | `far_chances` | `[kinds][330][2][384]` | sums of the energies up to a part's end, of clear and dark fibers |
+//! | `far_energy`, `far_first` | `[kinds][330][8]`, `[kinds][330][4][8]` | integral of f; energies that first plies scatter, by class |
+//! | `far_passing`, `far_apertures` | `[330]`, `[330][10]` | what passes; how many apertures stand for those of the cell, and of each of three the rows of `apertures` of its axes and by how much they are turned, in 256ths of a right angle |
 
 use super::ClothModel;
+use super::between::{CLASSES, CLASSES_A_KIND, FEW, PAIRS, SIGMAS, Side, TERMS};
+use super::far::{self, Runs};
 use super::grid::Entry;
 use super::lines::LineTables;
 use super::plies::ClothPlies;
+use super::shadow::{COLUMNS, LANES, ROWS};
+use super::splines::{COUNT, Several};
 use crate::PlyModel;
 use crate::color::SPECTRUM_NODES;
-use crate::fabric::between::{CLASSES, CLASSES_A_KIND, FEW, PAIRS, SIGMAS, Side, TERMS};
-use crate::fabric::far::{self, Runs};
-use crate::fabric::shadow::{COLUMNS, LANES, ROWS};
-use crate::fabric::splines::{COUNT, Several};
-use crate::fabric::tensors::slit_numbers;
-use crate::fabric::{Tensor, Values};
-use crate::gap::{EDGES, SPECTRUM_CELLS, Spectrum};
+use crate::gap::{EDGES, SPECTRUM_CELLS, Slit, Spectrum};
 use crate::ply::{EXIT_KINDS, ExitShape, PASSED_COLUMNS, PASSED_ROWS};
 use std::sync::Arc;
+
+/// Numbers of a [`Tensor`].
+#[derive(Clone, Debug, PartialEq)]
+pub enum Values {
+    /// Single precision.
+    F32(Vec<f32>),
+    /// Indices.
+    U32(Vec<u32>),
+    /// Bytes.
+    U8(Vec<u8>),
+}
+
+/// A named array.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Tensor {
+    /// Name.
+    pub name: &'static str,
+    /// Its sizes, last index fastest.
+    pub shape: Vec<usize>,
+    /// Its numbers.
+    pub values: Values,
+}
 
 impl ClothModel {
     /// The models of the kinds of yarns.
@@ -81,7 +107,7 @@ impl ClothModel {
         f32s("between_leaves", &[2, CLASSES, 2, 2, PAIRS, FEW], of(&|s| s.leaves.as_flattened().to_vec()));
         f32s("between_shape", &[2, 2, PAIRS, TERMS], of(&|s| s.shape.as_flattened().to_vec()));
         if let Some(far) = &self.far {
-            let ([f, chances, energy, first, passing], _) = far.numbers(CLASSES_A_KIND);
+            let ([f, chances, energy, first, passing], _) = far.numbers();
             f32s("far_phi_i", &[far::PHI_I_DEG.len()], far::PHI_I_DEG.to_vec());
             f32s("far_theta_i", &[far::THETA_I_DEG.len()], far::THETA_I_DEG.to_vec());
             f32s("far_sigma", &[far::SIGMAS], far::SIGMA_PER_UM.to_vec());
@@ -90,7 +116,7 @@ impl ClothModel {
             f32s("far_energy", &[kinds, far::VIEWS, far::SIGMAS], energy);
             f32s("far_first", &[kinds, far::VIEWS, CLASSES_A_KIND, far::SIGMAS], first);
             f32s("far_passing", &[far::VIEWS], passing);
-            let openings = far.numbers(CLASSES_A_KIND).1;
+            let openings = far.numbers().1;
             add("far_apertures", &[far::VIEWS, far::OPENING_NUMBERS], Values::U32(openings));
         }
         for (name, dyes) in ["dyes_0", "dyes_1"].into_iter().zip(of_yarns).take(kinds) {
@@ -164,4 +190,12 @@ fn curves(plies: &ClothPlies, add: &mut impl FnMut(&'static str, &[usize], Value
     let sums = passed.iter().flat_map(|(sums, _)| sums.iter().copied()).collect();
     add("passed", &[passed.len(), PASSED_ROWS, PASSED_COLUMNS], Values::F32(sums));
     add("passed_h_um", &[passed.len()], Values::F32(passed.iter().map(|(_, last_h_um)| *last_h_um).collect()));
+}
+
+/// Shares of light of the slits of two kinds of yarns, and their spectra; none where no yarn has slits.
+fn slit_numbers(slits: &[Option<Slit>; 2]) -> (Vec<f32>, Vec<f32>) {
+    let shares = slits.iter().map(|slit| slit.map_or(0.0, |slit| slit.share())).collect();
+    // Yarns without slits have the numbers of the others', which their share leaves out.
+    let spectra = slits.iter().filter_map(|slit| slit.or(slits[0]).or(slits[1]));
+    (shares, spectra.flat_map(|slit| slit.numbers().collect::<Vec<_>>()).collect())
 }

@@ -2,7 +2,7 @@
 //! of a beam, made once.
 
 use super::{Axis, GapBsdf, Spectrum};
-use crate::fabric::at::{to_pattern, to_surface};
+use crate::cloth::{to_pattern, to_surface};
 use crate::spec::GaussianBeam;
 use std::f32::consts::FRAC_PI_2;
 

@@ -1,4 +1,4 @@
-//! Ply models by name: `model = "polyester"` in a fabric spec, `plywave info polyester`.
+//! Ply models by name: `model = "polyester"` in a cloth spec, `plywave info polyester`.
 
 use super::{AssetSource, FileKind, disk, invalid};
 use crate::{Error, PlyModel, Result};
@@ -155,9 +155,12 @@ impl ModelLibrary {
         PlyModel::from_bytes(&bytes, &shown)
     }
 
-    /// The model that `key` of the spec `file` names: its name in messages, and its bytes. Errors about the
-    /// name give file, key and name.
-    pub(crate) fn named(&self, file: &str, key: &str, name: &str, own: &dyn AssetSource) -> Result<(String, Vec<u8>)> {
+    /// The model that `key` of the spec `file` names, from the files beside the spec, `own`, or by its name:
+    /// its name in messages, and its bytes. Errors about the name give file, key and name.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] for a name without a model and a file that cannot be read.
+    pub fn named(&self, file: &str, key: &str, name: &str, own: &dyn AssetSource) -> Result<(String, Vec<u8>)> {
         let refused = |hint: String| Err(invalid(file, key, super::container::one_line(&name), &hint));
         let ships = self.stem(name);
         let by_name =

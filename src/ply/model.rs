@@ -98,7 +98,7 @@ impl PlyModel {
 
     /// The same ply lit along single lines instead of a beam: r_d becomes the chance that a line misses all
     /// fibers, and the energies follow. For hosts that follow a line through several plies, and for
-    /// [`crate::FabricQuery::models`]: a fabric uses its own plies this way.
+    /// [`crate::ClothQuery::models`]: a cloth uses its own plies this way.
     ///
     /// # Errors
     /// Errors of the spec in the model, which defines the beam.

@@ -2,7 +2,7 @@
 //!
 //! The validator walks the parsed TOML, not a typed spec, so that every refusal is one line that names the
 //! file, the dotted key, the given value and the accepted values. [`Rules`] are static data; the keys of yarn
-//! and fabric specs are listed in `docs/reference/spec.md`, which a test compares with them.
+//! and cloth specs are listed in `docs/reference`, which a test compares with them.
 
 use crate::{Error, Result};
 use toml::{Table, Value};

@@ -7,9 +7,9 @@
 //! of `t^2` is `(E t)^2 + v`.
 
 use super::{ClothTwin, SphereBins};
-use crate::cloth::ClothSurface;
+use crate::cloth::ClothModel;
 use crate::math::parallel;
-use crate::{Bsdf, FabricQuery};
+use crate::{Bsdf, ClothQuery};
 
 /// Outgoing light, as fractions of the incident light.
 #[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize)]
@@ -67,13 +67,13 @@ const STEPS: [f64; 2] = [0.754_877_666_246_692_8, 0.569_840_290_998_053_3];
 const STEPS_OF_DIRECTIONS: [f64; 2] = [0.856_674_883_854_502_9, 0.733_891_856_627_126];
 const STEPS_OF_REPEATS: [f64; 2] = [0.628_706_721_042_211_5, 0.538_597_257_223_612_7];
 
-/// Compares all views and absorptions of the twin, in its order. The fabric's own colors do not count: the
+/// Compares all views and absorptions of the twin, in its order. The cloth's own colors do not count: the
 /// absorptions are the twin's.
-pub fn compare(fabric: &impl ClothSurface, twin: &ClothTwin, options: &ComparisonOptions) -> Vec<Comparison> {
+pub fn compare(cloth: &ClothModel, twin: &ClothTwin, options: &ComparisonOptions) -> Vec<Comparison> {
     let steps = twin.sigma_count().div_ceil(N);
     let parts = parallel::map(twin.view_count() * steps, |part| {
         let (view, first) = (part / steps, part % steps * N);
-        let (densities, straight) = mean_of_model(fabric, twin, view, first, options);
+        let (densities, straight) = mean_of_model(cloth, twin, view, first, options);
         let held = |k: usize| {
             let model: Vec<f64> = densities.iter().map(|d| d[k]).collect();
             held_to(twin, view, first + k, &model, straight[k])
@@ -142,7 +142,7 @@ impl Directions {
 
 /// `[bin][N]` densities and the straight light of the model, for the absorptions from `first` on.
 fn mean_of_model(
-    fabric: &impl ClothSurface,
+    cloth: &ClothModel,
     twin: &ClothTwin,
     view: usize,
     first: usize,
@@ -165,8 +165,8 @@ fn mean_of_model(
             let repeat = (even(STEPS_OF_REPEATS) * f64::from(twin.repeats[k].max(1))).floor();
             (twin.repeat_um[k] * (repeat + even(STEPS))) as f32
         });
-        let query = FabricQuery { sigma_per_um: sigma.map(Some), ..FabricQuery::new(at, wo, [0.55; N]) };
-        let bsdf = fabric.surface_at(&query);
+        let query = ClothQuery { sigma_per_um: sigma.map(Some), ..ClothQuery::new(at, wo, [0.55; N]) };
+        let bsdf = cloth.at(&query);
         directions.fill(&twin.bins, wo, side, place);
         bsdf.eval_batch(&directions.w, &mut f, &mut pdf);
         for ((f, bin), solid_angle) in f.iter().zip(&directions.bin).zip(&directions.solid_angle) {

@@ -1,14 +1,15 @@
 //! `eval_pdf` shares work between `eval` and `pdf`, and so does `sample`: here each is compared with the two
-//! that it replaces, in every case of a shipped fabric (one layer, two layers, gaps), with speckle and
+//! that it replaces, in every case of a cloth (one layer, two layers, gaps), with speckle and
 //! without, and for the whole ply, with slits and without.
 
-use plywave::fabric::{FabricModel, FabricOptions, FabricSpec};
+use crate::small_cloth::{CELL_UM, LAME, RED_BLUE, cloth};
+use plywave::cloth::{ClothData, ClothOptions};
 use plywave::frame::direction;
 use plywave::gap::{SLIT_SHARE, Slit};
 use plywave::ply::PlyData;
 use plywave::spec::GaussianBeam;
 use plywave::speckle::{Instance, NoiseTiles};
-use plywave::{Bsdf, BsdfSample, FabricQuery, PlyModel, PlyQuery};
+use plywave::{Bsdf, BsdfSample, ClothQuery, PlyModel, PlyQuery};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 use std::sync::Arc;
@@ -64,28 +65,39 @@ fn check(s: &impl Bsdf<4>, wo: [f32; 3], u: [f32; 3]) {
     }
 }
 
-#[test]
-#[ignore = "slow: 15 s: fabrics answer together what they answer alone"]
-fn fabrics_answer_together_what_they_answer_alone() {
-    let mut rng = Pcg64Mcg::seed_from_u64(1);
-    let (mut gaps, mut doubles) = (0, 0);
-    for (name, noise) in [("polyester_satin", false), ("cotton_plain", true), ("silk_organza", false)] {
-        let path = format!("{}/fabrics/{name}.toml", env!("CARGO_MANIFEST_DIR"));
-        let mut loaded = FabricSpec::load(path).unwrap();
-        if noise {
-            loaded.models.iter_mut().for_each(|m| *m = Arc::new(with_noise(m, &mut rng)));
-        }
-        let bsdf = FabricModel::new(loaded, &FabricOptions { noise, ..Default::default() }).unwrap();
-        for _ in 0..1500 {
-            let [x, y, z] = anywhere(&mut rng);
-            let point = rng.random::<[f32; 2]>().map(|u| 1e4 * u);
-            let at = bsdf.at(&FabricQuery::new(point, [x, y, z.abs()], LAMBDA));
-            gaps += u32::from(at.is_gap());
-            doubles += u32::from(at.is_double());
-            check(&at, anywhere(&mut rng), rng.random());
-        }
+/// Numbers of gaps, of double layers and of points that have a part of the mean over the cell.
+fn check_cloth(data: &ClothData, options: &ClothOptions, rng: &mut Pcg64Mcg) -> [u32; 3] {
+    let cloth = cloth(data, options);
+    let mut cases = [0; 3];
+    for i in 0..1500 {
+        let [x, y, z] = anywhere(rng);
+        let point = rng.random::<[f32; 2]>().map(|u| 1e4 * u);
+        let footprint_um = if options.far { [0.75 * CELL_UM, 1e4][i % 2] } else { 0.0 };
+        let at = cloth.at(&ClothQuery { footprint_um, ..ClothQuery::new(point, [x, y, z.abs()], LAMBDA) });
+        let is = [at.is_gap(), at.is_double(), at.far_share() > 0.0];
+        (0..3).for_each(|case| cases[case] += u32::from(is[case]));
+        check(&at, anywhere(rng), rng.random());
     }
-    assert!(gaps > 100 && doubles > 100, "{gaps} gaps, {doubles} double layers");
+    cases
+}
+
+#[test]
+fn cloths_answer_together_what_they_answer_alone() {
+    let mut rng = Pcg64Mcg::seed_from_u64(1);
+    let mut noisy = RED_BLUE.clone();
+    noisy.models.iter_mut().for_each(|m| *m = Arc::new(with_noise(m, &mut rng)));
+    for (data, noise) in [(&*RED_BLUE, false), (&noisy, true)] {
+        let cases = check_cloth(data, &ClothOptions { noise, ..ClothOptions::default() }, &mut rng);
+        assert!(cases[0] > 50 && cases[1] > 100, "gaps, double layers: {cases:?}");
+    }
+}
+
+#[test]
+#[ignore = "slow: 20 s: the mean over a cell answers together what it answers alone"]
+fn the_mean_over_a_cell_answers_together_what_it_answers_alone() {
+    let mut rng = Pcg64Mcg::seed_from_u64(4);
+    let cases = check_cloth(&LAME, &ClothOptions { far: true, ..ClothOptions::default() }, &mut rng);
+    assert!(cases[2] > 1000, "{cases:?}");
 }
 
 #[test]

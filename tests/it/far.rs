@@ -1,23 +1,14 @@
-//! The mean over a repeat in a query with a footprint. Reference: the mean of f over many positions on the
-//! fabric, at views between nodes.
+//! The mean over the cell in a query with a footprint. Reference: the mean of f over many positions on the
+//! cloth, at views between nodes.
 
-use plywave::fabric::FabricOptions;
-use plywave::{Bsdf, BsdfSample, FabricModel, FabricQuery};
-use std::sync::LazyLock;
-use std::time::Instant;
+use crate::small_cloth::{CELL_UM, LAME, RED_BLUE, cloth};
+use plywave::cloth::{ClothModel, ClothOptions};
+use plywave::{Bsdf, BsdfSample, ClothQuery};
 
 const PLACES: usize = 10_946;
 
-/// Each fabric is prepared once.
-static TWILL: LazyLock<FabricModel> = LazyLock::new(|| fabric("cotton_twill", FabricOptions::RAYS));
-static ORGANZA: LazyLock<FabricModel> = LazyLock::new(|| fabric("silk_organza", FabricOptions::RAYS));
-
-fn fabric(name: &str, options: FabricOptions) -> FabricModel {
-    let path = format!("{}/fabrics/{name}.toml", env!("CARGO_MANIFEST_DIR"));
-    let start = Instant::now();
-    let fabric = FabricModel::load(path, &FabricOptions { far: true, ..options }).unwrap();
-    println!("{name}: loaded in {:.1} s, {} MiB", start.elapsed().as_secs_f64(), fabric.memory_bytes() >> 20);
-    fabric
+fn lame(options: ClothOptions) -> ClothModel {
+    cloth(&LAME, &ClothOptions { far: true, ..options })
 }
 
 fn direction(theta_deg: f32, phi_deg: f32) -> [f32; 3] {
@@ -25,20 +16,15 @@ fn direction(theta_deg: f32, phi_deg: f32) -> [f32; 3] {
     [s * cp, s * sp, c]
 }
 
-/// Query of the mean, with the absorption of both families.
-fn far<const N: usize>(wo: [f32; 3], sigma: [f32; N]) -> FabricQuery<'static, N> {
-    FabricQuery { footprint_um: 1e6, sigma_per_um: [Some(sigma); 2], ..FabricQuery::new([0.0; 2], wo, [0.55; N]) }
+/// Query of the mean, with the absorption of both kinds of yarn.
+fn far<const N: usize>(wo: [f32; 3], sigma: [f32; N]) -> ClothQuery<'static, N> {
+    ClothQuery { footprint_um: 1e6, sigma_per_um: [Some(sigma); 2], ..ClothQuery::new([0.0; 2], wo, [0.55; N]) }
 }
 
-/// Position k in the repeat, or in many repeats if plies turn.
-fn place(fabric: &FabricModel, k: usize) -> [f32; 2] {
-    let even = |step: f64| (0.5 + k as f64 * step).fract();
-    let turn = even(0.549_700_477_901_970_3);
-    let steps = [0.819_172_513_396_164_4, 0.671_043_606_703_789_2];
-    [0, 1].map(|i| {
-        let repeat = fabric.fabric().repeat_um()[i];
-        ((even(steps[i]) + (turn * (1.0 + 40_000.0 / repeat)).floor()) * repeat) as f32
-    })
+/// Position k in the cell.
+fn place(k: usize) -> [f32; 2] {
+    let even = |step: f64| (0.5 + k as f64 * step).fract() as f32;
+    [0.819_172_513_396_164_4, 0.671_043_606_703_789_2].map(|step| CELL_UM * even(step))
 }
 
 /// Directions evenly over the sphere.
@@ -58,45 +44,42 @@ fn lights(count: usize) -> Vec<[f32; 3]> {
 fn the_mean_is_that_of_many_places() {
     const SIGMA: [f32; 3] = [0.0, 0.003, 0.02];
     let mut worst = [0.0f32; 3];
-    let satin = fabric("polyester_satin", FabricOptions::RAYS);
-    for (name, fabric) in [("polyester_satin", &satin), ("cotton_twill", &TWILL), ("silk_organza", &ORGANZA)] {
-        let lights = lights(1500);
-        let omega = 4.0 * std::f32::consts::PI / lights.len() as f32;
-        for (theta, phi) in [(0.0, 0.0), (22.0, 17.0), (40.0, 100.0), (55.0, 203.0), (68.0, 310.0), (130.0, 65.0)] {
-            let wo = direction(theta, phi);
-            let mut mean = vec![[0.0f64; 3]; lights.len()];
-            let mut straight = 0.0;
-            for k in 0..PLACES {
-                let query =
-                    FabricQuery { sigma_per_um: [Some(SIGMA); 2], ..FabricQuery::new(place(fabric, k), wo, [0.55; 3]) };
-                let at = fabric.at(&query);
-                straight += f64::from(at.straight()[0]) / PLACES as f64;
-                // Every light at every fifteenth position.
-                for i in (k % 15..lights.len()).step_by(15) {
-                    let f = at.eval(lights[i]);
-                    (0..3).for_each(|s| mean[i][s] += 15.0 * f64::from(f[s]) / PLACES as f64);
-                }
+    let cloth = lame(ClothOptions::RAYS);
+    let lights = lights(1500);
+    let omega = 4.0 * std::f32::consts::PI / lights.len() as f32;
+    for (theta, phi) in [(0.0, 0.0), (22.0, 17.0), (40.0, 100.0), (55.0, 203.0), (68.0, 310.0), (130.0, 65.0)] {
+        let wo = direction(theta, phi);
+        let mut mean = vec![[0.0f64; 3]; lights.len()];
+        let mut straight = 0.0;
+        for k in 0..PLACES {
+            let query = ClothQuery { sigma_per_um: [Some(SIGMA); 2], ..ClothQuery::new(place(k), wo, [0.55; 3]) };
+            let at = cloth.at(&query);
+            straight += f64::from(at.straight()[0]) / PLACES as f64;
+            // Every light at every fifteenth position.
+            for i in (k % 15..lights.len()).step_by(15) {
+                let f = at.eval(lights[i]);
+                (0..3).for_each(|s| mean[i][s] += 15.0 * f64::from(f[s]) / PLACES as f64);
             }
-            let at = fabric.at(&far(wo, SIGMA));
-            assert_eq!(at.far_share(), 1.0);
-            let passes = (f64::from(at.straight()[0]) - straight).abs() as f32;
-            for s in 0..3 {
-                let (mut r, mut t, mut d2, mut n2) = ([0.0f32; 2], [0.0f32; 2], 0.0, 0.0);
-                for (b, mean) in lights.iter().zip(&mean) {
-                    let (own, mean) = (at.eval(*b)[s], mean[s] as f32);
-                    let side = if b[2] * wo[2] > 0.0 { &mut r } else { &mut t };
-                    side[0] += own * omega;
-                    side[1] += mean * omega;
-                    d2 += (own - mean).powi(2);
-                    n2 += mean * mean;
-                }
-                let (dr, dt, l2) = (r[0] - r[1], t[0] - t[1], (d2 / n2).sqrt());
-                println!(
-                    "{name:16} {theta:5.0} {phi:4.0} sigma {:5.3}: R {:.4} of {:.4}, T {:.4} of {:.4}, relative L2 {l2:.3}; straight {passes:.4}",
-                    SIGMA[s], r[0], r[1], t[0], t[1]
-                );
-                worst = [worst[0].max(dr.abs()), worst[1].max(dt.abs()), worst[2].max(l2)];
+        }
+        let at = cloth.at(&far(wo, SIGMA));
+        assert_eq!(at.far_share(), 1.0);
+        let passes = (f64::from(at.straight()[0]) - straight).abs() as f32;
+        for s in 0..3 {
+            let (mut r, mut t, mut d2, mut n2) = ([0.0f32; 2], [0.0f32; 2], 0.0, 0.0);
+            for (b, mean) in lights.iter().zip(&mean) {
+                let (own, mean) = (at.eval(*b)[s], mean[s] as f32);
+                let side = if b[2] * wo[2] > 0.0 { &mut r } else { &mut t };
+                side[0] += own * omega;
+                side[1] += mean * omega;
+                d2 += (own - mean).powi(2);
+                n2 += mean * mean;
             }
+            let (dr, dt, l2) = (r[0] - r[1], t[0] - t[1], (d2 / n2).sqrt());
+            println!(
+                "{theta:5.0} {phi:4.0} sigma {:5.3}: R {:.4} of {:.4}, T {:.4} of {:.4}, relative L2 {l2:.3}; straight {passes:.4}",
+                SIGMA[s], r[0], r[1], t[0], t[1]
+            );
+            worst = [worst[0].max(dr.abs()), worst[1].max(dt.abs()), worst[2].max(l2)];
         }
     }
     println!("largest |R|, |T|, L2: {worst:?}");
@@ -108,12 +91,11 @@ fn the_mean_is_that_of_many_places() {
 #[test]
 #[ignore = "slow: 10 s: the mean is sampled as it is evaluated"]
 fn the_mean_is_sampled_as_it_is_evaluated() {
-    let fabric = fabric("silk_organza", FabricOptions::SMOOTH);
-    let repeat = fabric.fabric().repeat_um()[0] as f32;
-    for (footprint_um, theta, phi) in [(1e6, 33.0, 70.0), (0.75 * repeat, 55.0, 200.0), (1e6, 120.0, 15.0)] {
+    let cloth = lame(ClothOptions::SMOOTH);
+    for (footprint_um, theta, phi) in [(1e6, 33.0, 70.0), (0.75 * CELL_UM, 55.0, 200.0), (1e6, 120.0, 15.0)] {
         let wo = direction(theta, phi);
-        let query = FabricQuery { footprint_um, ..far(wo, [0.0, 0.01]) };
-        let at = fabric.at(&query);
+        let query = ClothQuery { footprint_um, ..far(wo, [0.0, 0.01]) };
+        let at = cloth.at(&query);
         assert!(at.far_share() > 0.0);
         const SAMPLES: usize = 40_000;
         let (mut sampled, mut square, mut chance, mut largest) = (0.0f64, 0.0f64, 0.0f64, 0.0f32);
@@ -157,38 +139,41 @@ fn the_mean_is_sampled_as_it_is_evaluated() {
 #[test]
 #[ignore = "slow: 20 s: far pixels are quieter"]
 fn far_pixels_are_quieter() {
-    for (name, fabric) in [("cotton_twill", &*TWILL), ("silk_organza", &ORGANZA)] {
-        let (wo, lamp) = (direction(25.0, 40.0), direction(40.0, 160.0));
-        let pixel = |number: usize, footprint_um: f32| -> f64 {
-            let sample = |i: usize| {
-                let query =
-                    FabricQuery { footprint_um, ..FabricQuery::new(place(fabric, 64 * number + i), wo, [0.55]) };
-                f64::from(fabric.at(&query).eval(lamp)[0])
-            };
-            (0..64).map(sample).sum::<f64>() / 64.0
+    let cloth = lame(ClothOptions::RAYS);
+    let (wo, lamp) = (direction(25.0, 40.0), direction(40.0, 160.0));
+    let pixel = |number: usize, footprint_um: f32| -> f64 {
+        let sample = |i: usize| {
+            let query = ClothQuery { footprint_um, ..ClothQuery::new(place(64 * number + i), wo, [0.55]) };
+            f64::from(cloth.at(&query).eval(lamp)[0])
         };
-        let of = |footprint_um: f32| {
-            let pixels: Vec<f64> = (0..60).map(|number| pixel(number, footprint_um)).collect();
-            let mean = pixels.iter().sum::<f64>() / 60.0;
-            (mean, (pixels.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / 59.0).sqrt() / mean)
-        };
-        let ((near, sd), (far, far_sd)) = (of(0.0), of(1e6));
-        println!("{name}: points {near:.4}, sd over mean {sd:.3}; far {far:.4}, {far_sd:.3}");
-        assert!(far_sd < 0.2 * sd, "{name}: {sd} {far_sd}");
-        assert!((far / near - 1.0).abs() < 0.05 + 3.0 * sd / 60f64.sqrt(), "{name}: {near} {far}");
-    }
+        (0..64).map(sample).sum::<f64>() / 64.0
+    };
+    let of = |footprint_um: f32| {
+        let pixels: Vec<f64> = (0..60).map(|number| pixel(number, footprint_um)).collect();
+        let mean = pixels.iter().sum::<f64>() / 60.0;
+        (mean, (pixels.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / 59.0).sqrt() / mean)
+    };
+    let ((near, sd), (far, far_sd)) = (of(0.0), of(1e6));
+    println!("points {near:.4}, sd over mean {sd:.3}; far {far:.4}, {far_sd:.3}");
+    assert!(far_sd < 0.2 * sd, "{sd} {far_sd}");
+    assert!((far / near - 1.0).abs() < 0.05 + 3.0 * sd / 60f64.sqrt(), "{near} {far}");
 }
 
-/// Footprints below half a repeat, those of fabrics without the mean and NaN are points.
+/// Footprints below half a cell, those of cloths without the mean and NaN are points.
 #[test]
 #[ignore = "slow: 10 s: small footprints are points"]
 fn small_footprints_are_points() {
-    let fabric = &*ORGANZA;
-    let query = FabricQuery::new([100.0, 50.0], direction(20.0, 10.0), [0.5]);
-    for footprint_um in [0.0, -1.0, f32::NAN, 0.49 * fabric.fabric().repeat_um()[1] as f32] {
-        let at = fabric.at(&FabricQuery { footprint_um, ..query });
+    let cloth = lame(ClothOptions::RAYS);
+    let query = ClothQuery::new([100.0, 50.0], direction(20.0, 10.0), [0.5]);
+    for footprint_um in [0.0, -1.0, f32::NAN, 0.49 * CELL_UM] {
+        let at = cloth.at(&ClothQuery { footprint_um, ..query });
         assert_eq!(at.far_share(), 0.0, "{footprint_um}");
-        assert_eq!(at.eval([0.1, 0.2, 0.97]), fabric.at(&query).eval([0.1, 0.2, 0.97]));
+        assert_eq!(at.eval([0.1, 0.2, 0.97]), cloth.at(&query).eval([0.1, 0.2, 0.97]));
     }
-    assert_eq!(fabric.at(&FabricQuery { footprint_um: f32::INFINITY, ..query }).far_share(), 1.0);
+    let wide = ClothQuery { footprint_um: f32::INFINITY, ..query };
+    assert_eq!(cloth.at(&wide).far_share(), 1.0);
+    for (data, far) in [(&*RED_BLUE, true), (&*LAME, false)] {
+        let without = crate::small_cloth::cloth(data, &ClothOptions { far, ..ClothOptions::RAYS });
+        assert!(!without.has_far() && without.at(&wide).far_share() == 0.0);
+    }
 }

@@ -2,8 +2,7 @@
 //! each kind of assumption. The files of a case are in `tests/data/field/`; the tests derive variants from
 //! them. The expected values are from the format's text (WIF 1.1, 1997) by hand.
 
-use plywave::fabric::{Draft, FabricSpec, LoadedFabric, Wif, WifNoteKind as Kind, YarnColor, YarnSet};
-use plywave::io::MemoryAssets;
+use plywave::cloth::{Draft, Wif, WifNoteKind as Kind};
 use proptest::prelude::*;
 
 const CASES: [&str; 8] = [
@@ -70,21 +69,13 @@ fn only(wif: &Wif, kind: Kind) -> &str {
     &wif.notes[0].text
 }
 
-/// The fabric of a spec beside a WIF.
-fn load(spec: &str, wif: &[u8]) -> plywave::Result<LoadedFabric> {
-    let model = std::fs::read(concat!(env!("CARGO_MANIFEST_DIR"), "/fabrics/models/cotton.pwm")).unwrap();
-    let assets = MemoryAssets::new().with("models/cotton.pwm", model).with("draft.wif", wif);
-    FabricSpec::load_from(spec, "fabric.toml", &assets)
-}
-
 #[test]
-fn the_cases_load_and_notes_name_the_file() {
+fn the_cases_are_read_with_a_note_each() {
     for case in CASES {
-        let spec = std::fs::read_to_string(path(case, "fabric.toml")).unwrap();
-        let loaded = load(&spec, &draft_of(case)).unwrap_or_else(|e| panic!("{case}: {e}"));
-        let said = loaded.notes();
+        let wif = parse(draft_of(case));
+        let said: Vec<String> = wif.notes.iter().map(ToString::to_string).collect();
         assert_eq!(said.len(), usize::from(!["wif_color_zero", "wif_utf16"].contains(&case)), "{case}: {said:?}");
-        assert!(said.iter().all(|note| note.starts_with("draft.wif: ") && !note.contains('\n')), "{said:?}");
+        assert!(said.iter().all(|note| !note.contains('\n')), "{said:?}");
     }
 }
 
@@ -375,15 +366,6 @@ fn a_draft_that_falls_apart_is_told_of() {
         .replace("[WARP]\nThreads=4", "[WARP]\nThreads=5");
     let spare = parse(&spare);
     assert!(spare.notes[1].text.contains("on top ends 2 and 4 with picks 1 and 3"), "{:?}", spare.notes);
-    // The same for rows in a spec, and no note for connected weaves.
-    let spec = std::fs::read_to_string(path(case, "fabric.toml")).unwrap();
-    let weave = |weave: &str| load(&spec.replace("kind = \"wif\"\nfile = \"draft.wif\"", weave), b"").unwrap().notes();
-    let said = weave("kind = \"draft\"\nrows = [\"X.XX\", \"..X.\", \"XXX.\", \"X...\"]");
-    assert_eq!(said, [note]);
-    for good in ["kind = \"draft\"\nrows = [\"X.\", \".X\"]", "kind = \"twill\"\nup = 3\ndown = 1", "kind = \"layers\""]
-    {
-        assert_eq!(weave(good), Vec::<String>::new());
-    }
 }
 
 #[test]
@@ -437,21 +419,15 @@ fn values_are_read_as_programs_write_them() {
     }
 }
 
-/// [WARP] and [WEFT] of a case with further lines, and a spec without one or both spacings.
-fn spaced(warp: &str, weft: &str, sections: &str, own: [bool; 2]) -> plywave::Result<LoadedFabric> {
+/// The distances that a file with these lines of [WARP] and [WEFT] has, and where they are from.
+fn spaced(warp: &str, weft: &str, sections: &str) -> [Option<(f64, String)>; 2] {
     let text = twill().replace("Units=centimeters\n", "");
     let text = text.replace("[WARP]\n", &format!("[WARP]\n{warp}\n")).replace("[WEFT]\n", &format!("[WEFT]\n{weft}\n"));
-    let spec = std::fs::read_to_string(path("wif_contents_lies", "fabric.toml")).unwrap();
-    let mut parts: Vec<&str> = spec.split("spacing_um = 250.0\n").collect();
-    parts.insert(1, if own[0] { "spacing_um = 250.0\n" } else { "" });
-    parts.insert(3, if own[1] { "spacing_um = 250.0\n" } else { "" });
-    load(&parts.concat(), format!("{text}\n{sections}").as_bytes())
+    parse(format!("{text}\n{sections}")).spacing.map(|spacing| spacing.map(|s| (s.um, s.source)))
 }
 
 #[test]
-fn spacings_of_the_file_are_taken_where_the_spec_has_none() {
-    let of = |loaded: &LoadedFabric| YarnSet::EACH.map(|family| loaded.fabric.shape(family).spacing_um);
-    let near = |got: f64, want: f64| assert!((got - want).abs() < 1e-9 * want, "{got} {want}");
+fn spacings_are_those_of_the_file() {
     for (warp, sections, um, source) in [
         ("Units=centimeters\nSpacing=0.05", "", 500.0, "[WARP] Spacing = 0.05 centimeters"),
         ("Units=Inches\nSpacing=.05\nThickness=1", "", 1270.0, "[WARP] Spacing = 0.05 inches"),
@@ -474,51 +450,13 @@ fn spacings_of_the_file_are_taken_where_the_spec_has_none() {
         ),
         ("Units=Inches\nSpacing=0.02\nThickness=0.03", "[WARP SPACING]\n", 508.0, "[WARP] Spacing = 0.02 inches"),
     ] {
-        let loaded = spaced(warp, "Spacing=9", sections, [false, true]).unwrap_or_else(|e| panic!("{warp}: {e}"));
-        near(of(&loaded)[0], um);
-        near(of(&loaded)[1], 250.0);
-        assert_eq!(loaded.notes(), [format!("draft.wif: warp.spacing_um = {um:.1} from {source}")], "{warp}");
+        let [found, weft] = spaced(warp, "Spacing=9", sections);
+        let (found, from) = found.unwrap_or_else(|| panic!("{warp}: no spacing"));
+        assert!((found - um).abs() < 1e-9 * um, "{warp}: {found} {um}");
+        assert_eq!(from, source, "{warp}");
+        assert!(weft.is_some_and(|(um, _)| (um - 90_000.0).abs() < 1e-6));
     }
-    // Both; the spec's values take precedence, without a note.
-    let both = |own| spaced("Units=cm\nSpacing=0.04", "Units=Inches\nSpacing=0.02", "", own).unwrap();
-    assert_eq!(of(&both([true, true])), [250.0, 250.0]);
-    assert_eq!((both([true, true]).notes(), of(&both([true, false]))[0]), (vec![], 250.0));
-    near(of(&both([false, false]))[1], 508.0);
-    assert_eq!(both([false, false]).notes().len(), 1);
-    for (warp, sections, told) in [
-        ("", "", "warp.spacing_um = (absent): give this key; the WIF has no Spacing and no Thickness"),
-        ("Units=cm\nSpacing=wide", "", "warp.spacing_um = (absent): give this key; the WIF has no"),
-        (
-            "Units=Decipoints\nSpacing=0.05",
-            "",
-            "(absent): give this key; [WARP] Spacing = 0.05 decipoints in the WIF is 1.8 um",
-        ),
-        (
-            "Units=Inches\nSpacing=12",
-            "",
-            "(absent): give this key; [WARP] Spacing = 12 inches in the WIF is 304800.0 um",
-        ),
-        (
-            "Units=cm\nSpacing=0.004",
-            "",
-            "um wide, more than [WARP] Spacing = 0.004 centimeters of the WIF; give a spacing of that",
-        ),
-    ] {
-        let message = spaced(warp, "", sections, [false, true]).unwrap_err().to_string();
-        assert!(
-            message.starts_with("fabric.toml: warp.spacing_um = ") && message.contains(told),
-            "got {message}\nwant {told}"
-        );
-    }
-}
-
-#[test]
-fn colors_of_left_out_yarns_shift_no_other() {
-    let text = with("wif_color_zero", "1=1\n2=2\n3=3\n4=4\n\n[TIEUP]", "1=0\n2=2\n3=3\n4=4\n\n[TIEUP]");
-    let spec = std::fs::read_to_string(path("wif_color_zero", "fabric.toml")).unwrap();
-    let loaded = load(&spec, text.as_bytes()).unwrap();
-    let colors: Vec<YarnColor> = (0..4).map(|end| loaded.fabric.color(YarnSet::Warp, end)).collect();
-    assert_eq!(colors, [RED, RED, BLUE, RED].map(YarnColor::Srgb));
+    assert_eq!(spaced("", "Units=cm\nSpacing=wide", ""), [None, None]);
 }
 
 proptest! {

@@ -2,7 +2,6 @@
 //! defaults on both sides.
 
 use plywave::cloth::{CLOTH_RULES, ClothSpec};
-use plywave::fabric::{FABRIC_RULES, FabricSpec};
 use plywave::spec::YARN_RULES;
 use plywave::spec::rules::{Key, Kind, Need, Rules};
 use plywave::spec::{POLYESTER, YarnSpec};
@@ -45,10 +44,9 @@ fn sections_of(path: &str, keys: &[Key], all: &mut Vec<String>) {
     }
 }
 
-/// Warp and weft have one section, and so have the two kinds of fibers of a blend.
+/// The two kinds of fibers of a blend have one section.
 fn shared(section: &str) -> String {
-    let section = section.replace("`blend.fiber", "`fiber");
-    if section == "`warp`" || section == "`weft`" { "`warp`, `weft`".into() } else { section }
+    section.replace("`blend.fiber", "`fiber")
 }
 
 /// Keys and sections of a page of docs/reference.
@@ -73,32 +71,28 @@ fn page(name: &str) -> (Keys, Vec<String>) {
 
 #[test]
 fn the_page_and_the_rules_have_the_same_keys() {
-    compare_page("spec.md", &[("yarn", &YARN_RULES), ("fabric", &FABRIC_RULES)], 70, &shared);
-    // The yarn of a knit has the keys of warp and weft, its section is theirs; so are the weaves of fabrics.
+    compare_page("spec.md", ("yarn", &YARN_RULES), 60, &shared);
+    // The yarn of a knit has the keys of warp and weft, its section is theirs.
     let shared_cloth = |section: &str| {
-        let section = section.replace("warp", "yarn").replace("weft", "yarn").replace("`yarn`, `yarn`", "`yarn`");
+        let section = section.replace("`warp", "`yarn").replace("`weft", "`yarn");
         if section.contains("knit`, kind") && !section.contains("rib") && !section.contains("grid") {
             return "`knit`, other kinds".into();
         }
         section
     };
-    compare_page("cloth_spec.md", &[("cloth", &CLOTH_RULES)], 40, &shared_cloth);
+    compare_page("cloth_spec.md", ("cloth", &CLOTH_RULES), 40, &shared_cloth);
 }
 
 /// A page has the keys of these rules, each at least once, and no other. `shared` names the section of
 /// several with the same keys.
-fn compare_page(name: &str, rules: &[(&str, &Rules)], least: usize, shared: &dyn Fn(&str) -> String) {
-    let root = |name: &str| format!("Root of the {name} spec");
+fn compare_page(name: &str, (kind, rules): (&str, &Rules), least: usize, shared: &dyn Fn(&str) -> String) {
+    let root = format!("Root of the {kind} spec");
     let (mut keys, mut sections) = page(name);
     let mut all = Vec::new();
-    rules.iter().for_each(|(kind, rules)| keys_of(&root(kind), "", rules.keys, &mut all));
+    keys_of(&root, "", rules.keys, &mut all);
     assert!(all.len() > least, "{}", all.len());
     let mut seen = BTreeMap::new();
     for (section, key, expected, need) in all {
-        // Weaves are those of fabric specs, which the page of these has.
-        if name == "cloth_spec.md" && section.starts_with("`weave`") {
-            continue;
-        }
         let at = (shared(&section), key.clone());
         let expected = if name == "cloth_spec.md" {
             expected.replace("[warp.", "[yarn.").replace("[weft.", "[yarn.")
@@ -121,13 +115,9 @@ fn compare_page(name: &str, rules: &[(&str, &Rules)], least: usize, shared: &dyn
         }
     }
     assert!(keys.is_empty(), "docs/reference/{name} has keys that the program does not know: {keys:?}");
-    let mut known: Vec<String> = rules.iter().map(|(kind, _)| root(kind)).collect();
     let mut titles = Vec::new();
-    rules.iter().for_each(|(_, rules)| sections_of("", rules.keys, &mut titles));
-    known.extend(titles.iter().map(|title| shared(title)));
-    if name == "cloth_spec.md" {
-        known.retain(|title| !title.starts_with("`weave`"));
-    }
+    sections_of("", rules.keys, &mut titles);
+    let mut known: Vec<String> = [root].into_iter().chain(titles.iter().map(|title| shared(title))).collect();
     for list in [&mut known, &mut sections] {
         list.sort();
         list.dedup();
@@ -152,27 +142,26 @@ fn defaults_are_those_of_the_program() {
         .map(|l| format!("{l}\n"))
         .collect();
     let yarn = toml::Table::try_from(YarnSpec::parse(&bare, "bare").unwrap()).unwrap();
-    let family = "model = \"a.pwm\"\nspacing_um = 100.0\n";
-    let fabric = format!("name = \"f\"\n[weave]\nkind = \"plain\"\n[warp]\n{family}[weft]\n{family}");
-    let fabric = toml::Table::try_from(FabricSpec::parse(&fabric, "bare").unwrap()).unwrap();
-    let count = compare(&yarn, &YARN_RULES) + compare(&fabric, &FABRIC_RULES);
-    // Only defaults that are values: the default crimps of warp and weft are in words.
-    assert_eq!(count, 14, "defaults compared");
+    // Only defaults that are values, not those in words.
+    assert_eq!(compare(&yarn, &YARN_RULES), 10, "defaults of a yarn");
     let yarn = "count = { tex = 20.0 }\ndensity_g_per_cm3 = 1.5\n";
     let knit = "kind = \"jersey\"\nwales_per_cm = 14.0\ncourses_per_cm = 20.0\nloop_mm = 2.7\n";
     let cloth = format!("name = \"c\"\n[knit]\n{knit}[yarn]\n{yarn}");
     let cloth = toml::Table::try_from(ClothSpec::parse(&cloth, "bare").unwrap()).unwrap();
-    assert_eq!(compare(&cloth, &CLOTH_RULES), 8, "defaults of a cloth");
+    assert_eq!(compare(&cloth, &CLOTH_RULES), 9, "defaults of a cloth");
 }
 
 fn compare(spec: &toml::Table, rules: &Rules) -> usize {
+    let values = |section: &Key| match section.kind {
+        Kind::Table(keys) => Some((keys, spec.get(section.name)?.as_table()?)),
+        _ => None,
+    };
     let mut count = 0;
-    for section in rules.keys {
-        let (Kind::Table(keys), Some(values)) = (section.kind, spec.get(section.name)) else { continue };
+    for (keys, values) in rules.keys.iter().filter_map(values).chain([(rules.keys, spec)]) {
         for key in keys {
             let Need::Default(default) = key.need else { continue };
             let Ok(mut want) = toml::from_str::<toml::Table>(&format!("x = {default}")) else { continue };
-            assert_eq!(values.get(key.name), want.remove("x").as_ref(), "{}.{}", section.name, key.name);
+            assert_eq!(values.get(key.name), want.remove("x").as_ref(), "{}", key.name);
             count += 1;
         }
     }

@@ -1,13 +1,14 @@
 //! Guarantees of loading: every model that loads gives finite, non-negative light, and no more than the
 //! incident light; invalid directions give none.
 
+use crate::small_cloth::{RED_BLUE, cloth};
 use crate::synthetic::{Sizes, model};
-use plywave::fabric::FabricOptions;
+use plywave::cloth::ClothOptions;
 use plywave::fiber::{FiberSource, FiberTable, OutlineSymmetry, TabulatedFiber};
 use plywave::gap::{Aperture, Gap};
 use plywave::ply::{Layer, LayerFactors, PlyData};
 use plywave::spec::GaussianBeam;
-use plywave::{Bsdf, FabricModel, FabricQuery, FiberQuery, PlyModel, PlyQuery};
+use plywave::{Bsdf, ClothQuery, FiberQuery, PlyModel, PlyQuery};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 use std::path::{Path, PathBuf};
@@ -191,7 +192,6 @@ fn dark<const N: usize>(at: &impl Bsdf<N>, w: [f32; 3], what: &str) {
 }
 
 #[test]
-#[ignore = "slow: 5 s: what is no direction gives no light"]
 fn what_is_no_direction_gives_no_light() {
     let two = layered(0.5, 0.4, 0.6);
     let ply = PlyModel::from_data(two).unwrap();
@@ -199,8 +199,7 @@ fn what_is_no_direction_gives_no_light() {
     let beam = GaussianBeam { w0_um: 10.0, lambda_um: 0.5, d_cut_um: 20.0 };
     let gap = Gap::new(&Aperture::centered(10.0, 4.0).unwrap(), &beam);
     let fibers = [TabulatedFiber::from_table(round_fiber()).unwrap()];
-    let fabric = Path::new(env!("CARGO_MANIFEST_DIR")).join("fabrics/polyester_satin.toml");
-    let fabric = FabricModel::load(fabric, &FabricOptions::default()).unwrap();
+    let cloth = cloth(&RED_BLUE, &ClothOptions::default());
     for w in NONE {
         dark(&ply.at(&PlyQuery::new(0.0, 0.0, [0.01], [0.5])), w, "ply");
         dark(&ply.at(&PlyQuery { below: Some(below), ..PlyQuery::new(0.3, 5.0, [0.01], [0.5]) }), w, "two layers");
@@ -216,7 +215,7 @@ fn what_is_no_direction_gives_no_light() {
         }
         for i in 0..200 {
             let at = [17.3 * i as f32, 29.1 * i as f32];
-            dark(&fabric.at(&FabricQuery::rgb(at, [0.0, 0.6, 0.8])), w, "fabric");
+            dark(&cloth.at(&ClothQuery::rgb(at, [0.0, 0.6, 0.8])), w, "cloth");
         }
     }
 }

@@ -1,32 +1,19 @@
 //! Comparison of a cloth model with a twin, and the twin's file. Here the twin is sampled from the model
 //! itself, so the distance must be zero.
 
-use plywave::fabric::{FabricOptions, FabricSpec, GapLight};
-use plywave::io::MemoryAssets;
+use crate::small_cloth::{CELL_UM, RED_BLUE, cloth};
+use plywave::cloth::{ClothModel, ClothOptions, GapLight};
 use plywave::twin::{CLASSES, ClothTwin, ComparisonOptions, SphereBins, compare};
-use plywave::{Bsdf, BsdfSample, FabricModel, FabricQuery};
+use plywave::{Bsdf, BsdfSample, ClothQuery};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
-use std::sync::OnceLock;
 
-/// Loaded once.
-fn fabric() -> &'static FabricModel {
-    static FABRIC: OnceLock<FabricModel> = OnceLock::new();
-    FABRIC.get_or_init(load)
-}
-
-fn load() -> FabricModel {
-    let model = &include_bytes!(concat!(env!("CARGO_MANIFEST_DIR"), "/fabrics/models/polyester.pwm"))[..];
-    let yarn = "model = \"ply.pwm\"\nspacing_um = 130.0\ncrimp = 0.5\n";
-    let text = format!("name = \"layers\"\n[weave]\nkind = \"layers\"\n[warp]\n{yarn}[weft]\n{yarn}");
-    let assets = MemoryAssets::new().with("ply.pwm", model);
-    let loaded = FabricSpec::load_from(&text, "layers.toml", &assets).unwrap();
-    let options = FabricOptions { gaps: GapLight::Straight, ..FabricOptions::default() };
-    FabricModel::new(loaded, &options).unwrap()
+fn model() -> ClothModel {
+    cloth(&RED_BLUE, &ClothOptions { gaps: GapLight::Straight, ..ClothOptions::default() })
 }
 
 /// A twin of light of two absorptions from the model's sampler, summed as a twin's paths are.
-fn drawn(fabric: &FabricModel, views: &[[f64; 3]], paths: usize) -> ClothTwin {
+fn drawn(cloth: &ClothModel, views: &[[f64; 3]], paths: usize) -> ClothTwin {
     let bins = SphereBins::STANDARD;
     let n = bins.len();
     let (v, k) = (views.len(), 2);
@@ -35,9 +22,9 @@ fn drawn(fabric: &FabricModel, views: &[[f64; 3]], paths: usize) -> ClothTwin {
     let mut twin = ClothTwin {
         spec_text: "{}".into(),
         program_version: "0".into(),
-        name: "layers".into(),
+        name: "small".into(),
         seed: 1,
-        repeat_um: fabric.fabric().repeat_um(),
+        repeat_um: [f64::from(CELL_UM); 2],
         repeats: [3, 3],
         views: views.concat(),
         sigma_per_um: sigma.iter().flat_map(|s| [f64::from(*s); 2]).collect(),
@@ -61,9 +48,9 @@ fn drawn(fabric: &FabricModel, views: &[[f64; 3]], paths: usize) -> ClothTwin {
         let wo = wo.map(|x| x as f32);
         let mut sums = vec![[0.0f64; 2]; k * n];
         for _ in 0..paths {
-            let at = [130.0 * rng.random::<f32>(), 130.0 * rng.random::<f32>()];
-            let query = FabricQuery { sigma_per_um: [Some(sigma); 2], ..FabricQuery::new(at, wo, [0.55; 2]) };
-            match fabric.at(&query).sample(std::array::from_fn(|_| rng.random())) {
+            let at = rng.random::<[f32; 2]>().map(|u| CELL_UM * u);
+            let query = ClothQuery { sigma_per_um: [Some(sigma); 2], ..ClothQuery::new(at, wo, [0.55; 2]) };
+            match cloth.at(&query).sample(std::array::from_fn(|_| rng.random())) {
                 BsdfSample::Scattered(s) => {
                     for (i, w) in s.weight.iter().enumerate() {
                         let sum = &mut sums[i * n + bins.bin(s.w)];
@@ -91,11 +78,11 @@ fn drawn(fabric: &FabricModel, views: &[[f64; 3]], paths: usize) -> ClothTwin {
 #[test]
 #[ignore = "slow: 55 s: a model is at no distance from itself"]
 fn a_model_is_at_no_distance_from_itself() {
-    let fabric = fabric();
+    let cloth = model();
     let views = [[0.0, 0.0, 1.0], [0.6, 0.0, 0.8], [0.0, 0.48, -0.877_268_487_978_452_4]];
-    let twin = drawn(fabric, &views, 150_000);
+    let twin = drawn(&cloth, &views, 150_000);
     let options = ComparisonOptions { places: 4096, directions: 2 };
-    let all = compare(fabric, &twin, &options);
+    let all = compare(&cloth, &twin, &options);
     assert_eq!(all.len(), 6);
     for c in &all {
         println!("{c:?}");
@@ -110,19 +97,19 @@ fn a_model_is_at_no_distance_from_itself() {
     let mut brighter = twin.clone();
     brighter.density.iter_mut().for_each(|d| *d /= 0.9);
     brighter.variance.iter_mut().for_each(|v| *v /= 0.81);
-    for c in compare(fabric, &brighter, &options) {
+    for c in compare(&cloth, &brighter, &options) {
         assert!((c.upper - 0.1).abs() < 0.03, "{c:?}");
     }
 }
 
 #[test]
 fn twins_are_written_and_read() {
-    let fabric = fabric();
-    let mut twin = drawn(fabric, &[[0.0, 0.0, 1.0]], 500);
+    let cloth = model();
+    let mut twin = drawn(&cloth, &[[0.0, 0.0, 1.0]], 500);
     // So few samples may add up to more than 1.
     twin.reflected.iter_mut().chain(&mut twin.transmitted).for_each(|energy| *energy *= 0.8);
     let bytes = twin.to_bytes().unwrap();
-    assert_eq!(ClothTwin::from_bytes(&bytes, "layers.pwx").unwrap(), twin);
+    assert_eq!(ClothTwin::from_bytes(&bytes, "small.pwx").unwrap(), twin);
     let refused = |change: &dyn Fn(&mut ClothTwin)| {
         let mut bad = twin.clone();
         change(&mut bad);

@@ -1,15 +1,12 @@
-//! The C interface gives the bits of the Rust library: plies, fabrics and fibers at 1, 3 and 4 wavelengths,
-//! single calls and batches, on one thread and on four.
-//! Cloths are in `cloth.rs`, what it refuses is in `errors.rs`.
+//! The C interface gives the bits of the Rust library: plies and fibers at 1, 3 and 4 wavelengths, single
+//! calls and batches. Cloths are in `cloth.rs`, what it refuses is in `errors.rs`.
 
 #![allow(clippy::undocumented_unsafe_blocks)] // Of all blocks: live pointers of the lengths that the calls ask for, but where it is said.
 
-use plywave::cloth::ClothSurface;
-use plywave::fabric::{Channels, ColorOf, FabricOptions, GapLight, Slits, YarnColor};
 use plywave::fiber::{FiberSource, FiberTable, FilamentSpec, OutlineSymmetry, TabulatedFiber};
 use plywave::ply::Queries;
 use plywave::speckle::Instance;
-use plywave::{Bsdf, BsdfSample, FabricModel, FabricQuery, FiberModel, FiberQuery, PlyModel, PlyQuery};
+use plywave::{Bsdf, BsdfSample, FiberModel, FiberQuery, PlyModel, PlyQuery};
 use plywave_capi::*;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
@@ -42,15 +39,15 @@ fn bits<const N: usize>(v: [f32; N]) -> [u32; N] {
     v.map(f32::to_bits)
 }
 
-fn direction(rng: &mut Pcg64Mcg) -> [f32; 3] {
+pub(crate) fn direction(rng: &mut Pcg64Mcg) -> [f32; 3] {
     plywave::frame::direction((2.0 * rng.random::<f32>() - 1.0).asin(), std::f32::consts::TAU * rng.random::<f32>())
 }
 
-fn four<const N: usize>(v: [f32; N]) -> [f32; 4] {
+pub(crate) fn four<const N: usize>(v: [f32; N]) -> [f32; 4] {
     std::array::from_fn(|k| v.get(k).copied().unwrap_or(0.0))
 }
 
-fn sample_of<const N: usize>(s: BsdfSample<N>) -> PlywaveSample {
+pub(crate) fn sample_of<const N: usize>(s: BsdfSample<N>) -> PlywaveSample {
     match s {
         BsdfSample::Scattered(s) => PlywaveSample { outcome: 1, w: s.w, weight: four(s.weight), pdf: s.pdf },
         BsdfSample::Straight { weight, probability } => {
@@ -61,7 +58,7 @@ fn sample_of<const N: usize>(s: BsdfSample<N>) -> PlywaveSample {
 }
 
 /// Everything that a prepared query answers, against Rust's.
-fn same<const N: usize>(bsdf: &PlywaveBsdf, at: &impl Bsdf<N>, rng: &mut Pcg64Mcg) {
+pub(crate) fn same<const N: usize>(bsdf: &PlywaveBsdf, at: &impl Bsdf<N>, rng: &mut Pcg64Mcg) {
     let w: Vec<[f32; 3]> = (0..19).map(|_| direction(rng)).collect();
     let u: Vec<[f32; 3]> = (0..19).map(|_| rng.random()).collect();
     let (mut f, mut pdf) = ([f32::NAN; N], f32::NAN);
@@ -250,208 +247,6 @@ fn a_check_gives_the_numbers_of_the_command() {
     assert_eq!(found.whole.kept_error, whole.kept_error);
     assert_eq!(found.layers.weight_error, layers.scatter.weight_error);
     assert_eq!((found.has_whole, found.has_layers, found.passed), (1, 1, 1), "{found:?}");
-}
-
-/// An organza whose gaps let light straight through, by Rust and by C from memory.
-struct Organza {
-    rust: FabricModel,
-    c: Handle<PlywaveFabric>,
-    model: Handle<PlywavePly>,
-    rust_model: PlyModel,
-}
-
-fn organza() -> Organza {
-    let path = format!("{FABRICS}/silk_organza.toml");
-    let slits = Some(Slits { width_um: 2.0, share: 0.25 });
-    let rust_options = FabricOptions { gaps: GapLight::Straight, noise: true, slits, ..FabricOptions::default() };
-    let rust = FabricModel::load(&path, &rust_options).expect("a fabric that ships");
-    let spec = c(&std::fs::read_to_string(&path).expect("a fabric that ships"));
-    let model = std::fs::read(format!("{FABRICS}/models/silk.pwm")).expect("a model that ships");
-    let (asset, name) = (c("models/silk.pwm"), c("organza"));
-    let assets = [PlywaveAsset { name: asset.as_ptr(), bytes: model.as_ptr(), size: model.len() }];
-    let options = PlywaveFabricOptions {
-        straight_gaps: 1,
-        noise: 1,
-        has_slits: 1,
-        slit_width_um: 2.0,
-        slit_share: 0.25,
-        ..zeroed()
-    };
-    let mut fabric = null_mut();
-    // SAFETY: live pointers of the right lengths.
-    ok(|e| unsafe {
-        plywave_fabric_from_memory(spec.as_ptr(), name.as_ptr(), assets.as_ptr(), 1, &options, &mut fabric, e)
-    });
-    let rust_model = PlyModel::from_bytes(&model, "silk").and_then(|m| m.of_lines()).expect("a model that ships");
-    let (beam, mut lines) = (load_ply("silk"), null_mut());
-    // SAFETY: live pointers.
-    ok(|e| unsafe { plywave_ply_of_lines(beam.0, &mut lines, e) });
-    Organza { rust, c: Handle(fabric, plywave_fabric_free), model: Handle(lines, plywave_ply_free), rust_model }
-}
-
-/// A function of a handle and queries.
-type At<H> =
-    unsafe extern "C" fn(*const H, *const PlywaveFabricQuery, *mut PlywaveBsdf, *mut PlywaveError) -> PlywaveStatus;
-type EvalBatch<H> = unsafe extern "C" fn(
-    *const H,
-    usize,
-    *const PlywaveFabricQuery,
-    *const f32,
-    *mut f32,
-    *mut f32,
-    *mut PlywaveError,
-) -> PlywaveStatus;
-type SampleBatch<H> = unsafe extern "C" fn(
-    *const H,
-    usize,
-    *const PlywaveFabricQuery,
-    *const f32,
-    *mut PlywaveSample,
-    *mut PlywaveError,
-) -> PlywaveStatus;
-
-/// A fabric or a cloth in Rust and in C.
-pub(crate) struct Surface<'a, S, H> {
-    pub(crate) rust: &'a S,
-    pub(crate) c: &'a Handle<H>,
-    /// In place of the weft's.
-    pub(crate) model: (&'a PlyModel, &'a Handle<PlywavePly>),
-    /// Where queries are.
-    pub(crate) size_um: [f32; 2],
-    /// Footprint of a part of them.
-    pub(crate) footprint_um: f32,
-    pub(crate) calls: (At<H>, EvalBatch<H>, SampleBatch<H>),
-}
-
-/// Queries of all options at N wavelengths; `channels` that fit. Gives what became of the samples.
-pub(crate) fn surface<S: ClothSurface, H, const N: usize>(of: &Surface<'_, S, H>, rng: &mut Pcg64Mcg) -> Vec<i32> {
-    let n = 48;
-    let (at, eval_batch, sample_batch) = of.calls;
-    let (w, u): (Vec<[f32; 3]>, Vec<[f32; 3]>) = (0..n).map(|_| (direction(rng), rng.random::<[f32; 3]>())).unzip();
-    let sigmas: Vec<[f32; N]> = (0..2 * n).map(|_| std::array::from_fn(|_| 0.02 * rng.random::<f32>())).collect();
-    let (mut queries, mut answers, mut samples) = (Vec::new(), Vec::new(), Vec::new());
-    for i in 0..n {
-        let position_um = of.size_um.map(|size| size * (rng.random::<f32>() - 0.5));
-        let (wo, turn_rad) = (direction(rng), if i % 3 == 0 { 6.0 * rng.random::<f32>() } else { 0.0 });
-        let footprint_um = if i % 5 == 0 { of.footprint_um } else { 0.0 };
-        let lambda: [f32; N] = std::array::from_fn(|_| 0.4 + 0.3 * rng.random::<f32>());
-        let channels = if N == 3 { i % 3 } else { 0 };
-        let [warp, weft, other] = [1, 2, 4].map(|bit| i & bit != 0);
-        let query = FabricQuery {
-            channels: [Channels::Wavelengths, Channels::LinearSrgb, Channels::LinearRec2020][channels],
-            sigma_per_um: [warp.then_some(sigmas[i]), weft.then_some(sigmas[n + i])],
-            turn_rad,
-            models: [None, other.then_some(of.model.0)],
-            footprint_um,
-            ..FabricQuery::new(position_um, wo, lambda)
-        };
-        let c_query = PlywaveFabricQuery {
-            position_um,
-            wo,
-            count: N as i32,
-            lambda_um: four(lambda),
-            channels: channels as i32,
-            turn_rad,
-            sigma_warp_per_um: if warp { sigmas[i].as_ptr() } else { null() },
-            sigma_weft_per_um: if weft { sigmas[n + i].as_ptr() } else { null() },
-            models: [null(), if other { of.model.1.0 } else { null() }],
-            footprint_um,
-        };
-        let mut bsdf: PlywaveBsdf = zeroed();
-        ok(|e| unsafe { at(of.c.0, &c_query, &mut bsdf, e) });
-        let at = of.rust.surface_at(&query);
-        same(&bsdf, &at, rng);
-        answers.push(at.eval_pdf(w[i]));
-        samples.push(sample_of(at.sample(u[i])));
-        queries.push(c_query);
-    }
-    let (mut f, mut pdf) = (vec![[f32::NAN; N]; n], vec![f32::NAN; n]);
-    let (w_at, f_at, pdf_at) = (w.as_ptr().cast(), f.as_mut_ptr().cast(), pdf.as_mut_ptr());
-    ok(|e| unsafe { eval_batch(of.c.0, n, queries.as_ptr(), w_at, f_at, pdf_at, e) });
-    assert_eq!(f.iter().copied().zip(pdf).collect::<Vec<_>>(), answers);
-    let mut got: Vec<PlywaveSample> = vec![zeroed(); n];
-    ok(|e| unsafe { sample_batch(of.c.0, n, queries.as_ptr(), u.as_ptr().cast(), got.as_mut_ptr(), e) });
-    assert_eq!(got, samples);
-    got.iter().map(|s| s.outcome).collect()
-}
-
-/// At 1, 3 and 4 wavelengths, then one handle on four threads. Gives what became of the samples.
-pub(crate) fn surfaces<S: ClothSurface, H>(of: &Surface<'_, S, H>, rng: &mut Pcg64Mcg) -> Vec<i32> {
-    let mut outcomes = surface::<_, _, 1>(of, rng);
-    outcomes.extend(surface::<_, _, 3>(of, rng));
-    outcomes.extend(surface::<_, _, 4>(of, rng));
-    let asked = |seed: u64| drop(surface::<_, _, 3>(of, &mut Pcg64Mcg::seed_from_u64(seed)));
-    std::thread::scope(|scope| (0..4).for_each(|seed| drop(scope.spawn(move || asked(seed)))));
-    outcomes
-}
-
-impl Organza {
-    fn surface(&self) -> Surface<'_, FabricModel, PlywaveFabric> {
-        Surface {
-            rust: &self.rust,
-            c: &self.c,
-            model: (&self.rust_model, &self.model),
-            size_um: self.rust.fabric().repeat_um().map(|r| 50.0 * r as f32),
-            footprint_um: 0.0,
-            calls: (plywave_fabric_at, plywave_fabric_eval_batch, plywave_fabric_sample_batch),
-        }
-    }
-}
-
-#[test]
-fn fabrics_give_the_bits_of_rust_on_any_number_of_threads() {
-    let of = organza();
-    let mut rng = Pcg64Mcg::seed_from_u64(2);
-    let outcomes = surfaces(&of.surface(), &mut rng);
-    assert!(outcomes.contains(&1) && outcomes.contains(&2), "light is scattered and goes straight: {outcomes:?}");
-
-    let mut info = MaybeUninit::<PlywaveFabricInfo>::uninit();
-    ok(|e| unsafe { plywave_fabric_info(of.c.0, info.as_mut_ptr(), e) });
-    // SAFETY: the call that succeeded wrote it.
-    let info = unsafe { info.assume_init() };
-    assert_eq!(info.repeat_um, of.rust.fabric().repeat_um());
-    assert_eq!(info.half_thickness_um, of.rust.fabric().half_thickness_um());
-    let mut text = [1 as c_char; 64];
-    let mut length = 0;
-    ok(|e| unsafe { plywave_fabric_name(of.c.0, text.as_mut_ptr(), text.len(), &mut length, e) });
-    assert_eq!(text[..length].iter().map(|c| *c as u8 as char).collect::<String>(), "silk organza");
-    ok(|e| unsafe { plywave_fabric_notes(of.c.0, text.as_mut_ptr(), text.len(), &mut length, e) });
-    assert_eq!((length, text[0]), (0, 0), "nothing is left out of a model that ships");
-
-    // Colors: of the spec, of a texture, others.
-    let (mut count, mut reach) = (0, [zeroed::<PlywaveColorReach>(); 4]);
-    ok(|e| unsafe { plywave_fabric_colors(of.c.0, reach.as_mut_ptr(), 4, &mut count, e) });
-    let want = of.rust.colors();
-    assert_eq!(count, want.len());
-    for (got, want) in reach.iter().zip(&want) {
-        assert_eq!((got.asked, got.comes_out, got.delta_e), (want.asked, want.comes_out, want.delta_e));
-    }
-    let mut texture = [0.6, 0.5, 0.1, 0.0, 1.0, 0.33];
-    let want: Vec<f32> = texture.iter().flat_map(|r| of.rust.sigma_of_reflectance([*r])).collect();
-    let at = texture.as_mut_ptr();
-    ok(|e| unsafe { plywave_fabric_sigma_of_reflectance(of.c.0, texture.len(), at, at, e) });
-    assert_eq!(texture.to_vec(), want);
-    let warp = PlywaveYarnColor { kind: 1, srgb: [0.2, 0.3, 0.6], sigma_per_um: 0.0 };
-    let weft = PlywaveYarnColor { kind: 2, srgb: [0.0; 3], sigma_per_um: 0.003 };
-    let mut other = null_mut();
-    ok(|e| unsafe { plywave_fabric_with_colors(of.c.0, &warp, &weft, 0, &mut other, e) });
-    let other = Handle(other, plywave_fabric_free);
-    let rust = of.rust.with_colors([YarnColor::Srgb([0.2, 0.3, 0.6]), YarnColor::Sigma(0.003)], ColorOf::EvenSky);
-    let of = Organza { rust, c: other, ..of };
-    surface::<_, _, 3>(&of.surface(), &mut rng);
-
-    // The model of a yarn, as a handle of its own.
-    let mut ply = null_mut();
-    ok(|e| unsafe { plywave_fabric_model(of.c.0, 1, -7, &mut ply, e) });
-    let ply = Handle(ply, plywave_ply_free);
-    plies::<1>(&ply, &of.rust_model, &mut rng);
-
-    // Held to what it promises.
-    let query = PlywaveFabricQuery { wo: [0.0, 0.6, 0.8], count: 3, channels: 1, ..zeroed() };
-    let (mut bsdf, mut found): (PlywaveBsdf, PlywaveReport) = (zeroed(), zeroed());
-    ok(|e| unsafe { plywave_fabric_at(of.c.0, &query, &mut bsdf, e) });
-    ok(|e| unsafe { plywave_bsdf_check(&bsdf, 0.01, 5000, 1, &mut found, e) });
-    assert_eq!(found.passed, 1, "{found:?}");
 }
 
 /// A table of a round fiber, made up.

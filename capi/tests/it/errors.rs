@@ -36,7 +36,7 @@ pub(crate) fn refused(
     error
 }
 
-use PlywaveStatus::{Format, InvalidArgument as Invalid, InvalidFile, Io, Missing, NotPrepared, NullPointer as Null};
+use PlywaveStatus::{Format, InvalidArgument as Invalid, Io, Missing, NotPrepared, NullPointer as Null};
 
 fn ply() -> *mut PlywavePly {
     let path = CString::new(format!("{FABRICS}/models/polyester.pwm")).expect("no 0");
@@ -87,7 +87,7 @@ fn bad_pointers_and_numbers_of_a_ply() {
     unsafe {
         plywave_ply_free(ply);
         plywave_ply_free(null_mut());
-        plywave_fabric_free(null_mut());
+        plywave_cloth_free(null_mut());
         plywave_fiber_free(null_mut());
         plywave_slit_free(null_mut());
     }
@@ -210,8 +210,7 @@ fn bad_batches() {
 }
 
 #[test]
-#[ignore = "slow: 5 s: bad files and fabrics"]
-fn bad_files_and_fabrics() {
+fn bad_files() {
     let text = |t: &str| CString::new(t).expect("no 0");
     let (missing, broken, name) = (text("none/such.pwm"), b"no model", text("broken"));
     let mut out: *mut PlywavePly = null_mut::<PlywavePly>().wrapping_byte_add(8);
@@ -234,79 +233,6 @@ fn bad_files_and_fabrics() {
     refused(Invalid, "fit in memory", |e| unsafe {
         plywave_ply_from_bytes(broken.as_ptr(), usize::MAX, name.as_ptr(), out, e)
     });
-
-    let mut fabric: *mut PlywaveFabric = null_mut();
-    let fabric = &raw mut fabric;
-    let yarn = "model = \"ply.pwm\"\nspacing_um = 130.0\ncrimp = 0.3\n";
-    let spec = text(&format!("name = \"p\"\n[weave]\nkind = \"plain\"\n[warp]\n{yarn}[weft]\n{yarn}"));
-    let load = |spec: &CString, options: *const PlywaveFabricOptions, assets: &[PlywaveAsset], e| unsafe {
-        plywave_fabric_from_memory(spec.as_ptr(), name.as_ptr(), assets.as_ptr(), assets.len(), options, fabric, e)
-    };
-    refused(Format, "ply.pwm: no such asset", |e| load(&spec, null(), &[], e));
-    refused(Format, "broken: ", |e| load(&text("no = = toml"), null(), &[], e));
-    refused(InvalidFile, "spacing_um", |e| {
-        load(&text(&spec.to_str().expect("UTF-8").replace("130", "-3")), null(), &[], e)
-    });
-    let asset = PlywaveAsset { name: null(), bytes: null(), size: 0 };
-    assert_eq!(refused(Null, "entry 0: name", |e| load(&spec, null(), &[asset], e)).index, 0);
-    let model = std::fs::read(format!("{FABRICS}/models/polyester.pwm")).expect("a model that ships");
-    let asset = PlywaveAsset { name: c"ply.pwm".as_ptr(), bytes: model.as_ptr(), size: model.len() };
-    let bad = PlywaveFabricOptions { has_sigma: 1, sigma_per_um: f32::NAN, ..zeroed() };
-    refused(Invalid, "sigma_per_um", |e| load(&spec, &bad, &[asset], e));
-    let bad = PlywaveFabricOptions { has_slits: 1, slit_width_um: 9.0, slit_share: 0.25, ..zeroed() };
-    refused(InvalidFile, "width_um", |e| load(&spec, &bad, &[asset], e));
-
-    // One that loads, and what it refuses.
-    assert_eq!(load(&spec, null(), &[asset], null_mut()), PlywaveStatus::Ok);
-    let fabric = unsafe { *fabric };
-    let good = PlywaveFabricQuery { wo: [0.0, 0.6, 0.8], count: 3, ..zeroed() };
-    let at = |q: PlywaveFabricQuery| move |e| unsafe { plywave_fabric_at(fabric, &q, &mut zeroed(), e) };
-    assert_eq!(at(good)(null_mut()), PlywaveStatus::Ok);
-    refused(Null, "fabric is NULL", |e| unsafe { plywave_fabric_at(null(), &good, &mut zeroed(), e) });
-    refused(Invalid, "wo", at(PlywaveFabricQuery { wo: [0.0; 3], ..good }));
-    refused(Invalid, "position_um", at(PlywaveFabricQuery { position_um: [0.0, f32::INFINITY], ..good }));
-    for far in [1e30, -1e30, 1.1e10] {
-        refused(Invalid, "position_um", at(PlywaveFabricQuery { position_um: [far, 0.0], ..good }));
-        refused(Invalid, "turn_rad", at(PlywaveFabricQuery { turn_rad: far, ..good }));
-    }
-    refused(Invalid, "turn_rad", at(PlywaveFabricQuery { turn_rad: f32::NAN, ..good }));
-    for bad in [f32::NAN, -5.0, -1e-6, f32::INFINITY] {
-        refused(Invalid, "footprint_um", at(PlywaveFabricQuery { footprint_um: bad, ..good }));
-    }
-    assert_eq!(
-        at(PlywaveFabricQuery { position_um: [1e10, -1e10], turn_rad: -1e6, ..good })(null_mut()),
-        PlywaveStatus::Ok
-    );
-    // What was prepared is not any more after a query that is refused, and a call on it writes nothing.
-    let mut bsdf: PlywaveBsdf = zeroed();
-    assert_eq!(unsafe { plywave_fabric_at(fabric, &good, &mut bsdf, null_mut()) }, PlywaveStatus::Ok);
-    let none = PlywaveFabricQuery { wo: [f32::NAN; 3], ..good };
-    assert_eq!(unsafe { plywave_fabric_at(fabric, &none, &mut bsdf, null_mut()) }, Invalid);
-    let (w, mut f) = ([0.0f32, 0.0, 1.0], [7.0f32; 3]);
-    let f_at = f.as_mut_ptr();
-    refused(NotPrepared, "plywave_fabric_at", |e| unsafe { plywave_bsdf_eval(&bsdf, w.as_ptr(), f_at, e) });
-    assert_eq!(f, [7.0; 3]);
-    refused(Invalid, "channels", at(PlywaveFabricQuery { channels: 3, ..good }));
-    refused(Invalid, "3 channels", at(PlywaveFabricQuery { channels: 1, count: 4, lambda_um: [0.5; 4], ..good }));
-    let nan = [f32::NAN; 3];
-    refused(Invalid, "sigma_weft_per_um", at(PlywaveFabricQuery { sigma_weft_per_um: nan.as_ptr(), ..good }));
-    let reflectance = [0.5, f32::NAN];
-    let mut sigma = [7.0f32; 2];
-    let sigma_at = sigma.as_mut_ptr();
-    let error = refused(Invalid, "entry 1: reflectance", |e| unsafe {
-        plywave_fabric_sigma_of_reflectance(fabric, 2, reflectance.as_ptr(), sigma_at, e)
-    });
-    assert_eq!((error.index, sigma), (1, [7.0; 2]));
-    let color = |kind, srgb| PlywaveYarnColor { kind, srgb, sigma_per_um: -1.0 };
-    let recolor = |a: PlywaveYarnColor, of| {
-        move |e| unsafe { plywave_fabric_with_colors(fabric, &a, &a, of, &mut null_mut(), e) }
-    };
-    refused(Invalid, "srgb", recolor(color(1, nan), 0));
-    refused(Invalid, "kind", recolor(color(5, [0.5; 3]), 0));
-    refused(Invalid, "sigma_per_um", recolor(color(2, [0.5; 3]), 0));
-    refused(Invalid, "color_of", recolor(color(1, [0.5; 3]), -1));
-    refused(Invalid, "family", |e| unsafe { plywave_fabric_model(fabric, 2, 0, &mut null_mut(), e) });
-    unsafe { plywave_fabric_free(fabric) };
 }
 
 #[test]
@@ -357,7 +283,7 @@ fn every_function_is_guarded_and_declared() {
 /// The lines of C++ on the page are those of the example, which is compiled and run.
 #[test]
 fn the_page_shows_the_example() {
-    let example = include_str!("../../examples/fabric.cpp");
+    let example = include_str!("../../examples/cloth.cpp");
     let material = example.split("// [material]\n").nth(1).and_then(|t| t.split("// [/material]\n").next());
     let material = material.expect("the marks of the material");
     let lines = material.lines().filter(|l| !l.trim().is_empty()).count();
@@ -365,6 +291,6 @@ fn the_page_shows_the_example() {
     let page = include_str!("../../../docs/howto/host_c.md");
     assert!(
         page.contains(&format!("```cpp\n{material}```\n")),
-        "docs/howto/host_c.md shows another material than capi/examples/fabric.cpp"
+        "docs/howto/host_c.md shows another material than capi/examples/cloth.cpp"
     );
 }

@@ -3,3 +3,4 @@
 mod calls;
 mod cloth;
 mod errors;
+mod small_cloth;

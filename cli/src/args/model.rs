@@ -1,7 +1,7 @@
 //! Flags of asking, checking and comparing models.
 
 use clap::{Args, ValueEnum};
-use plywave::fabric::ColorOf;
+use plywave::cloth::ColorOf;
 use std::path::PathBuf;
 
 /// `plywave info`.
@@ -60,7 +60,7 @@ pub struct SampleArgs {
 /// `plywave check`.
 #[derive(Debug, Args)]
 pub struct CheckArgs {
-    /// Model, or fabric spec. A fabric is only compared with its twin.
+    /// Model, cloth file or cloth spec. A cloth is only compared with its twin.
     pub model: PathBuf,
     /// Table to compare the model's slices with, preferably of another seed.
     #[arg(long, value_name = "TABLE")]
@@ -69,7 +69,7 @@ pub struct CheckArgs {
     /// the table of --table. A traced --table has the same effect.
     #[arg(long, value_name = "TABLE")]
     pub traced: Option<PathBuf>,
-    /// Twin of the fabric, which `plywave twin` writes.
+    /// Twin of the cloth, which `plywave twin` writes.
     #[arg(long, value_name = "FILE")]
     pub twin: Option<PathBuf>,
     /// Largest fit error of an f_refl slice that passes.
@@ -113,9 +113,9 @@ pub struct DiffArgs {
 #[derive(Debug, Args)]
 #[command(group = clap::ArgGroup::new("wanted").required(true))]
 pub struct ColorArgs {
-    /// Model, or fabric spec.
+    /// Model, cloth file or cloth spec.
     pub model: PathBuf,
-    /// Light of a fabric that the color describes [default: that of its spec].
+    /// Light of a cloth that the color describes [default: that of its spec].
     #[arg(long, value_enum, value_name = "WHAT")]
     pub color_of: Option<ColorOfChoice>,
     /// Target color under D65, encoded sRGB, 0 to 1.
@@ -136,7 +136,7 @@ pub struct ColorArgs {
     pub theta_i: Option<f64>,
 }
 
-/// What the color of a fabric is a color of.
+/// What the color of a cloth is a color of.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 #[value(rename_all = "snake_case")]
 pub enum ColorOfChoice {

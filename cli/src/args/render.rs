@@ -1,4 +1,4 @@
-//! Flags of fabrics: rendering, weaving.
+//! Flags of cloths: rendering, weaving.
 
 use clap::{Args, ValueEnum};
 use std::path::PathBuf;
@@ -42,12 +42,12 @@ fn triple(text: &str) -> Result<[f64; 3], String> {
 /// `plywave render`.
 #[derive(Debug, Args)]
 pub struct RenderArgs {
-    /// Fabric spec, or a scene of strands with its own lamps and camera (TOML).
-    pub fabric: PathBuf,
-    /// Scene for a fabric [default: front].
+    /// Cloth file (.pwc), cloth spec, or a scene of strands with its own lamps and camera (TOML).
+    pub cloth: PathBuf,
+    /// Scene for a cloth [default: front].
     #[arg(long, value_enum)]
     pub setup: Option<Scene>,
-    /// Picture to write: a .png, with an EXR of the same name beside it, or an .exr alone [default: FABRIC's
+    /// Picture to write: a .png, with an EXR of the same name beside it, or an .exr alone [default: CLOTH's
     /// name with .png, in this folder].
     #[arg(long, short, value_name = "PNG|EXR")]
     pub output: Option<PathBuf>,
@@ -100,7 +100,7 @@ pub struct RenderArgs {
     /// Vertical field of view [degrees] [default: the scene's].
     #[arg(long, value_name = "DEG", allow_negative_numbers = true)]
     pub fov: Option<f64>,
-    /// One absorption coefficient [1/um] for all yarns instead of their colors; 0 for a white fabric.
+    /// One absorption coefficient [1/um] for all yarns instead of their colors; 0 for a white cloth.
     #[arg(long, value_name = "SIGMA", allow_negative_numbers = true)]
     pub sigma: Option<f64>,
     /// Let light through gaps go straight on without diffraction, for comparison.
@@ -118,9 +118,9 @@ pub struct RenderArgs {
     pub slit_share: Option<f64>,
     /// Leave parts of the model out, for comparison: `layers` (yarns of the layer below block no light),
     /// `shadowing` (neighboring yarns block no light), `edges` (light at a ply's edge goes straight on),
-    /// `slits` (those of the spec), `far` (the mean over the repeat).
+    /// `slits` (those of the spec), `far` (the mean over the cell).
     #[arg(long, value_name = "PART", num_args = 1, value_delimiter = ',', value_enum)]
-    pub without: Vec<FabricPart>,
+    pub without: Vec<ClothPart>,
     /// Exposure of the PNG in stops; positive is brighter.
     #[arg(long, value_name = "STOPS", default_value_t = 0.0, allow_negative_numbers = true)]
     pub exposure: f64,
@@ -135,9 +135,9 @@ pub struct RenderArgs {
     pub keep_sums: bool,
 }
 
-/// Parts of the fabric model that can be left out.
+/// Parts of the cloth model that can be left out.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub enum FabricPart {
+pub enum ClothPart {
     /// The layer below.
     Layers,
     /// Neighbors.
@@ -146,23 +146,17 @@ pub enum FabricPart {
     Edges,
     /// Slits between fibers, of the spec.
     Slits,
-    /// The mean over the repeat, for pixels that cover half of it or more.
+    /// The mean over the cell, for pixels that cover half of it or more.
     Far,
 }
 
 /// `plywave weave`.
 #[derive(Debug, Args)]
 pub struct WeaveArgs {
-    /// Fabric spec (TOML).
-    pub fabric: PathBuf,
-    /// Folder to write [default: FABRIC's name with .weave, in this folder].
-    #[arg(long, short, value_name = "FOLDER")]
+    /// Cloth spec (TOML).
+    pub cloth: PathBuf,
+    /// File to write: the cloth, ready for shading (.pwc), or the curves of its plies (.toml, .bcc, .tg3)
+    /// [default: none].
+    #[arg(long, short, value_name = "FILE")]
     pub output: Option<PathBuf>,
-    /// Pixels from one yarn to the next, in warp or weft, whichever is closer [default: 32, fewer where a
-    /// repeat would be longer than 4096].
-    #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = clap::value_parser!(u32).range(1..=4096))]
-    pub pixels: Option<u32>,
-    /// Write textures of the back instead of the face, in the same coordinates.
-    #[arg(long)]
-    pub back: bool,
 }

@@ -7,7 +7,7 @@ use std::path::PathBuf;
 /// `plywave twin`.
 #[derive(Debug, Args)]
 pub struct TwinArgs {
-    /// Fabric spec. Of its models, only their yarn specs are used.
+    /// Cloth spec. Of its models, only their yarn specs are used.
     pub spec: PathBuf,
     /// Twin to write [default: the spec's name with .pwx].
     #[arg(long, short, value_name = "FILE")]

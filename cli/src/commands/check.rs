@@ -1,7 +1,7 @@
 //! `plywave check`: does a model keep its promises? Furnace, density and weights of the sampler, chi-square
 //! of the samples, stored values, and, where a table is given, the fit error of every slice. Of a yarn, the
 //! distance to the traced yarn too (`check_traced.rs`);
-//! a fabric is compared with its twin (`check_cloth.rs`).
+//! a cloth is compared with its twin (`check_cloth.rs`).
 
 use super::{Yarn, check_traced, on_threads};
 use crate::args::{CheckArgs, Cli};
@@ -91,8 +91,8 @@ pub fn run(cli: &Cli, args: &CheckArgs) -> Outcome {
     {
         return Err(Failure::input("command line", flag, value, "must be 0 or more"));
     }
-    if matches!(kinds::kind_of(&args.model), Some(kinds::Kind::Fabric | kinds::Kind::Cloth | kinds::Kind::ClothFile)) {
-        refuse(&[("--traced", &args.traced)], "a fabric is compared with its twin: give --twin FILE")?;
+    if matches!(kinds::kind_of(&args.model), Some(kinds::Kind::Cloth | kinds::Kind::ClothFile)) {
+        refuse(&[("--traced", &args.traced)], "a cloth is compared with its twin: give --twin FILE")?;
         return super::check_cloth::run(cli, args);
     }
     if kinds::kind_of(&args.model) == Some(kinds::Kind::Filament) {

@@ -1,17 +1,15 @@
-//! `plywave check FABRIC --twin`: a cloth model beside path tracing of its explicit fibers, direction by
+//! `plywave check CLOTH --twin`: a cloth model beside path tracing of its explicit fibers, direction by
 //! direction.
 
 use super::on_threads;
 use super::twin::{angles, sigma_text};
 use crate::args::{CheckArgs, Cli};
 use crate::failure::{Failure, Outcome};
-use crate::{kinds, output};
-use plywave::FabricModel;
-use plywave::cloth::{ClothModel, ClothSurface};
-use plywave::fabric::{FabricOptions, FabricSpec};
+use crate::output;
+use plywave::cloth::{ClothModel, ClothOptions};
 use plywave::twin::{ClothTwin, Comparison, ComparisonOptions, compare};
 use plywave_pipeline::ReadyCloth;
-use plywave_sim::twin::{TwinCloth, TwinCurves};
+use plywave_sim::twin::TwinCurves;
 use std::path::Path;
 
 /// Most that reflected and all transmitted light may be off, up to a tilt of 60 degrees and beyond.
@@ -39,31 +37,15 @@ fn verdicts(twin: &ClothTwin, c: &Comparison) -> [bool; 4] {
 /// Runs the command.
 pub fn run(cli: &Cli, args: &CheckArgs) -> Outcome {
     let Some(path) = &args.twin else {
-        let hint = "a fabric is checked against its twin: give --twin FILE, which `plywave twin` writes";
+        let hint = "a cloth is checked against its twin: give --twin FILE, which `plywave twin` writes";
         return Err(Failure::input("command line", "--twin", "(absent)", hint));
     };
-    if kinds::kind_of(&args.model) != Some(kinds::Kind::Fabric) {
-        return run_curves(cli, args, path);
-    }
-    let loaded = FabricSpec::load_file(&args.model, &cli.library()?)?;
-    kinds::tell_fabric_notes(cli, &loaded);
     let twin = ClothTwin::load(path)?;
-    let refuse = |e| super::runs::failure(e, path);
-    if let Some(what) = TwinCloth::parse(&twin.spec_text).map_err(refuse)?.difference(&loaded) {
-        let hint = format!("{} is of another cloth; trace it again with `plywave twin`", path.display());
-        return Err(Failure::input(args.model.display(), what, "not the twin's", &hint));
-    }
-    held(cli, args, (path, &twin), &FabricModel::new(loaded, &FabricOptions::RAYS)?)
-}
-
-/// Runs the command on a cloth of curves.
-fn run_curves(cli: &Cli, args: &CheckArgs, path: &Path) -> Outcome {
+    let traced = TwinCurves::parse(&twin.spec_text).transpose().map_err(|e| super::runs::failure(e, path))?;
     let ReadyCloth { data, notes, .. } = super::cloth_file::ready(cli, &args.model)?;
     if !cli.quiet {
         notes.iter().for_each(|note| eprintln!("note: {note}"));
     }
-    let twin = ClothTwin::load(path)?;
-    let traced = TwinCurves::parse(&twin.spec_text).transpose().map_err(|e| super::runs::failure(e, path))?;
     let plies = data.models.iter().map(|m| m.data().spec_text.clone()).collect::<Vec<_>>();
     if let Some(what) = match &traced {
         None => Some("curves"),
@@ -72,11 +54,11 @@ fn run_curves(cli: &Cli, args: &CheckArgs, path: &Path) -> Outcome {
         let hint = format!("{} is of another cloth; trace it again with `plywave twin`", path.display());
         return Err(Failure::input(args.model.display(), what, "not the twin's", &hint));
     }
-    held(cli, args, (path, &twin), &ClothModel::from_data(data, &FabricOptions::RAYS)?)
+    held(cli, args, (path, &twin), &ClothModel::from_data(data, &ClothOptions::RAYS)?)
 }
 
 /// Compares a cloth with its twin.
-fn held(cli: &Cli, args: &CheckArgs, (path, twin): (&Path, &ClothTwin), cloth: &impl ClothSurface) -> Outcome {
+fn held(cli: &Cli, args: &CheckArgs, (path, twin): (&Path, &ClothTwin), cloth: &ClothModel) -> Outcome {
     let all = on_threads(cli, || compare(cloth, twin, &ComparisonOptions::default()))?;
     let passed = all.iter().all(|c| verdicts(twin, c).iter().all(|v| *v));
     let printed = if cli.json {
@@ -93,7 +75,7 @@ fn held(cli: &Cli, args: &CheckArgs, (path, twin): (&Path, &ClothTwin), cloth: &
             })
             .collect();
         output::print_json(&serde_json::json!({
-            "fabric": args.model.display().to_string(), "twin": path.display().to_string(), "views": views, "passed": passed,
+            "cloth": args.model.display().to_string(), "twin": path.display().to_string(), "views": views, "passed": passed,
         }))
     } else {
         output::print(|out| {

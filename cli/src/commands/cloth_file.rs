@@ -6,8 +6,7 @@ use crate::failure::Outcome;
 use crate::kinds::{self, Kind};
 use crate::{output, progress, report};
 use plywave::PlyModel;
-use plywave::cloth::{ClothData, ClothModel};
-use plywave::fabric::FabricOptions;
+use plywave::cloth::{ClothData, ClothModel, ClothOptions};
 use plywave_pipeline::{ClothRecipe, Progress, ReadyCloth, Run, Stage, digest_of_file};
 use plywave_sim::cloth::MadeCloth;
 use std::path::Path;
@@ -42,12 +41,7 @@ pub fn curves(cli: &Cli, recipe: &ClothRecipe) -> Outcome<MadeCloth> {
 
 /// What shading needs of a cloth whose curves are made.
 pub fn make(cli: &Cli, recipe: &ClothRecipe, curves: &MadeCloth, models: &[Arc<PlyModel>]) -> Outcome<ClothData> {
-    let data = told(cli, |run| recipe.make(curves, models, true, run))?;
-    if !cli.quiet {
-        let notes = curves.notes.clone();
-        notes.iter().filter(|note| !curves.notes.contains(note)).for_each(|note| eprintln!("note: {note}"));
-    }
-    Ok(data)
+    told(cli, |run| recipe.make(curves, models, true, run))
 }
 
 /// The cloth of a cloth file, or of a spec, which may be made and is then kept.
@@ -66,7 +60,7 @@ pub fn info(cli: &Cli, file: &Path, bytes: u64, data: ClothData) -> Outcome {
     let models = data.ply_names();
     let (name, version, cell) = (data.name.clone(), data.program_version.clone(), data.curves.cell_um);
     let (curves, has_far, spec) = (data.curves.curves.len(), data.has_far(), data.spec_text.clone());
-    let model = ClothModel::from_data(data, &FabricOptions { far: true, ..FabricOptions::default() })?;
+    let model = ClothModel::from_data(data, &ClothOptions { far: true, ..ClothOptions::default() })?;
     let half = model.lines().half_thickness_um();
     if cli.json {
         return output::print_json(&serde_json::json!({

@@ -1,4 +1,4 @@
-//! `plywave color`: a color or a reflectance in, the absorption that gives it to a model or a fabric out, and
+//! `plywave color`: a color or a reflectance in, the absorption that gives it to a model or a cloth out, and
 //! what that makes of it.
 
 use super::latitude;
@@ -7,12 +7,12 @@ use crate::failure::{Failure, Outcome};
 use crate::kinds::{self, Kind};
 use crate::output;
 use crate::report::number;
-use plywave::FabricModel;
+use plywave::cloth::{ClothModel, ClothOptions, ColorOf};
 use plywave::color::{
     AlbedoCurve, SPECTRUM_NODES, SPECTRUM_UM, SigmaSpectrum, SmoothReflectance, delta_e_2000, linear_srgb_of_xyz,
     spectrum_lambda_um, srgb_encode, xyz_of_reflectance,
 };
-use plywave::fabric::{ColorOf, FabricOptions, FabricSpec};
+use plywave_pipeline::ReadyCloth;
 
 /// CIEDE2000 of colors that are just told apart.
 const SEEN: f64 = 1.0;
@@ -98,24 +98,26 @@ pub fn run(cli: &Cli, args: &ColorArgs) -> Outcome {
 
 /// The albedo over absorption for the light that the flags select, and the name of that light.
 fn curve(cli: &Cli, args: &ColorArgs) -> Outcome<(AlbedoCurve, String)> {
-    if kinds::kind_of(&args.model) == Some(Kind::Fabric) {
+    if matches!(kinds::kind_of(&args.model), Some(Kind::Cloth | Kind::ClothFile)) {
         if let Some(theta) = args.theta_i {
             return Err(Failure::input(
                 "command line",
                 "--theta-i",
                 theta,
-                "is for models; give --color-of for a fabric",
+                "is for models; give --color-of for a cloth",
             ));
         }
-        let loaded = FabricSpec::load_file(&args.model, &cli.library()?)?;
-        kinds::tell_fabric_notes(cli, &loaded);
-        let of = args.color_of.map_or(loaded.spec.color_of, ColorOf::from);
-        let fabric = FabricModel::new(loaded, &FabricOptions::default())?;
-        return Ok((fabric.color_curve_of(of), of.name().into()));
+        let ReadyCloth { data, notes, .. } = super::cloth_file::ready(cli, &args.model)?;
+        if !cli.quiet {
+            notes.iter().for_each(|note| eprintln!("note: {note}"));
+        }
+        let cloth = ClothModel::from_data(data, &ClothOptions::RAYS)?;
+        let of = args.color_of.map_or(cloth.color_of(), ColorOf::from);
+        return Ok((cloth.color_curve_of(of), of.name().into()));
     }
     let model = cli.library()?.load(&args.model)?;
     if let Some(of) = args.color_of {
-        let hint = "is for fabric specs; leave it out";
+        let hint = "is for cloths; leave it out";
         return Err(Failure::input("command line", "--color-of", ColorOf::from(of).name(), hint));
     }
     match args.theta_i {
@@ -145,13 +147,13 @@ pub fn out_of_reach([clear, dark]: [usize; 2], [low, high]: [f64; 2], delta_e: f
     notes
 }
 
-/// The same for each color of a fabric that differs visibly from its target.
-pub fn fabric_notes(fabric: &FabricModel) -> Vec<String> {
+/// The same for each color of a cloth that differs visibly from its target.
+pub fn cloth_notes(cloth: &ClothModel) -> Vec<String> {
     let mut notes = Vec::new();
-    for color in fabric.colors().iter().filter(|color| color.delta_e > SEEN) {
+    for color in cloth.colors().iter().filter(|color| color.delta_e > SEEN) {
         let [r, g, b] = color.asked.map(|v| number(f64::from(v)));
-        let of = format!("srgb [{r}, {g}, {b}] as color_of = \"{}\"", fabric.color_of().name());
-        let lines = out_of_reach(color.clamped, fabric.color_curve().range(), color.delta_e);
+        let of = format!("srgb [{r}, {g}, {b}] as color_of = \"{}\"", cloth.color_of().name());
+        let lines = out_of_reach(color.clamped, cloth.color_curve().range(), color.delta_e);
         notes.extend(lines.into_iter().map(|line| format!("{of}: {line}")));
     }
     notes

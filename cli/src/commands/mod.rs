@@ -24,7 +24,6 @@ pub mod noise;
 pub mod noise_view;
 pub mod plot;
 pub mod render;
-mod render_cloth;
 mod render_strands;
 pub mod runs;
 pub mod sample;
@@ -36,7 +35,6 @@ pub mod wave_scatter;
 pub mod wave_speckle;
 pub mod wave_tabulate;
 pub mod weave;
-pub mod weave_cloth;
 
 use crate::args::{Cli, IncidenceArgs};
 use crate::failure::{Failure, Outcome};

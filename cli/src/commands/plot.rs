@@ -434,7 +434,7 @@ pub fn run(cli: &Cli, args: &PlotArgs) -> Outcome {
             let hint = "FILE is a cloth; leave --table and --model out";
             return Err(Failure::input(args.file.display(), "FILE", other.display(), hint));
         }
-        return super::weave_cloth::plot(cli, &args.file, &path, format);
+        return super::weave::plot(cli, &args.file, &path, format);
     }
     if args.file.extension().is_some_and(|e| e == "toml") || kinds::kind_of(&args.file) == Some(Kind::Yarn) {
         if let Some(other) = others.into_iter().flatten().next() {

@@ -11,7 +11,7 @@ use plywave_pipeline::digest_of_file;
 use plywave_render::{RenderOptions, StrandDual, StrandDualOptions, render_strands, render_strands_dual};
 use std::path::{Path, PathBuf};
 
-/// Flags that are of fabrics alone.
+/// Flags that are of cloths alone.
 fn check_foreign(args: &RenderArgs) -> Outcome {
     for (name, given) in [
         ("--setup", args.setup.is_some()),
@@ -24,7 +24,7 @@ fn check_foreign(args: &RenderArgs) -> Outcome {
         ("--without", !args.without.is_empty()),
     ] {
         if given {
-            let hint = "is for fabrics; a scene of strands has its own lamps, camera and fiber";
+            let hint = "is for cloths; a scene of strands has its own lamps, camera and fiber";
             return Err(Failure::input("command line", name, "given", hint));
         }
     }
@@ -36,8 +36,8 @@ pub fn run(cli: &Cli, args: &RenderArgs) -> Outcome {
     check_flags(args)?;
     check_foreign(args)?;
     let outputs = Outputs::from_args(args)?;
-    let spec = StrandSpec::load(&args.fabric)?;
-    let mut inputs: Vec<(String, PathBuf)> = vec![("scene of strands".into(), args.fabric.clone())];
+    let spec = StrandSpec::load(&args.cloth)?;
+    let mut inputs: Vec<(String, PathBuf)> = vec![("scene of strands".into(), args.cloth.clone())];
     inputs.extend(spec.inputs().into_iter().map(|(name, path)| (name.to_string(), path)));
     inputs.extend(args.sky.iter().map(|s| ("sky".to_string(), s.clone())));
     let read: Vec<&Path> = inputs.iter().map(|(_, path)| path.as_path()).collect();
@@ -50,7 +50,7 @@ pub fn run(cli: &Cli, args: &RenderArgs) -> Outcome {
     // Which files a scene includes is known once it is read: none of them may be written to.
     let included_paths: Vec<&Path> = included.iter().map(PathBuf::as_path).collect();
     outputs.each().try_for_each(|path| output::check_writable(path, &included_paths))?;
-    let folder = args.fabric.parent().unwrap_or(Path::new(""));
+    let folder = args.cloth.parent().unwrap_or(Path::new(""));
     inputs.extend(included.into_iter().map(|path| {
         let name = path.strip_prefix(folder).unwrap_or(&path).display().to_string();
         (format!("included file {name}"), path)

@@ -1,14 +1,12 @@
-//! `plywave twin`: fabric spec in, the light that path tracing of its explicit fibers sends out.
+//! `plywave twin`: cloth spec in, the light that path tracing of its explicit fibers sends out.
 
 use super::cloth_file;
 use super::runs::{self, ProgressNames};
 use crate::args::{Cli, TwinArgs};
 use crate::failure::Outcome;
-use crate::kinds::{self, Kind};
 use crate::{output, progress, report};
-use plywave::fabric::FabricSpec;
 use plywave::twin::{CLASSES, ClothTwin};
-use plywave_sim::twin::{Domain, TwinCloth, TwinCurves, TwinJob, TwinMesh, TwinOptions, TwinSource, direction};
+use plywave_sim::twin::{Domain, TwinCurves, TwinJob, TwinMesh, TwinOptions, direction};
 use std::io::{self, Write};
 use std::path::Path;
 use std::time::Duration;
@@ -16,17 +14,11 @@ use std::time::Duration;
 /// Runs the command.
 pub fn run(cli: &Cli, args: &TwinArgs) -> Outcome {
     let refuse = |e| runs::failure(e, &args.spec);
-    let source: TwinSource = if kinds::kind_of(&args.spec) == Some(Kind::Cloth) {
-        let recipe = cloth_file::recipe(&args.spec)?;
-        let texts = recipe.ply_specs(&cli.library()?).map_err(runs::pipeline_failure)?;
-        let made = cloth_file::curves(cli, &recipe)?;
-        TwinCurves::new(&recipe.spec.name, made.curves, texts).map_err(refuse)?.into()
-    } else {
-        let loaded = FabricSpec::load_file(&args.spec, &cli.library()?)?;
-        kinds::tell_fabric_notes(cli, &loaded);
-        TwinCloth::from_loaded(&loaded).map_err(refuse)?.into()
-    };
-    let job = TwinJob::new(source, &options(args)).map_err(refuse)?;
+    let recipe = cloth_file::recipe(&args.spec)?;
+    let texts = recipe.ply_specs(&cli.library()?).map_err(runs::pipeline_failure)?;
+    let made = cloth_file::curves(cli, &recipe)?;
+    let cloth = TwinCurves::new(&recipe.spec.name, made.curves, texts).map_err(refuse)?;
+    let job = TwinJob::new(cloth, &options(args)).map_err(refuse)?;
     let path = args.output.clone().unwrap_or_else(|| args.shards.default_output(&args.spec, "pwx"));
     output::check_writable(&path, &[&args.spec])?;
     let told = ProgressNames { what: "trace", unit: "paths" };
@@ -73,7 +65,7 @@ fn tell(cli: &Cli, path: &Path, job: &TwinJob, twin: &ClothTwin, time: Duration,
                 "seconds": time.as_secs_f64(), "resumed": resumed, "fibers": size.fibers, "triangles": size.triangles,
                 "memory_bytes": size.memory_bytes,
                 "pitches": job.domain().pitches.iter().map(|p| serde_json::json!({
-                    "family": p.family, "of": if p.of_plies { "plies" } else { "fibers" },
+                    "set": p.family,
                     "spec_um": p.spec_um, "used_um": p.used_um,
                 })).collect::<Vec<_>>(),
             }),
@@ -106,9 +98,8 @@ fn write_domain(out: &mut dyn Write, domain: &Domain) -> io::Result<()> {
     let ([x, y], [w, h], [warp, weft]) = (domain.repeats, domain.size_um, domain.yarns);
     writeln!(out, "  domain       {x} x {y} repeats, {w:.0} x {h:.0} um, {warp} warp and {weft} weft yarns")?;
     for pitch in &domain.pitches {
-        let of = if pitch.of_plies { "plies" } else { "fibers" };
-        let (family, spec, used) = (pitch.family.name(), pitch.spec_um, pitch.used_um);
-        writeln!(out, "  pitch        {family}, {of}: {used:.1} um in place of {spec:.1}, to close over the domain")?;
+        let (set, spec, used) = (pitch.family.name(), pitch.spec_um, pitch.used_um);
+        writeln!(out, "  pitch        {set}, fibers: {used:.1} um in place of {spec:.1}, to close over the domain")?;
     }
     Ok(())
 }

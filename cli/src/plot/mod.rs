@@ -14,7 +14,6 @@ pub mod path;
 pub mod pattern;
 pub mod sheet;
 pub mod text;
-pub mod weave;
 
 use crate::failure::{Failure, Outcome};
 use figure::Figure;

@@ -123,7 +123,7 @@ pub const RULES: Rules = Rules {
     units: &["_per_um", "_um", "_mm", "_deg"],
     example: "fabrics/strands/hair_ball.toml",
     foreign: &[
-        (&["weave", "warp", "weft"], "a key of fabric specs"),
+        (&["weave", "warp", "weft"], "a key of cloth specs"),
         (&["ply", "absorption", "simulation"], "a key of yarn specs"),
     ],
 };

@@ -1,6 +1,6 @@
 //! Bad input: one line on stderr that names file, key and hint, exit code 2, nothing written.
 
-use crate::common::{STRANDS, TINY, build, folder, open_cloth, refused};
+use crate::common::{STRANDS, TINY, build, folder, refused, write_cloth};
 
 #[test]
 fn specs_are_refused_in_one_line() {
@@ -204,7 +204,7 @@ fn endless_inputs_are_refused_at_once() {
     use std::os::unix::fs::symlink;
     let folder = folder();
     let dir = folder.path();
-    open_cloth(dir);
+    write_cloth(dir);
     assert!(std::process::Command::new("mkfifo").arg(dir.join("pipe")).status().unwrap().success());
     symlink("pipe", dir.join("linked_pipe")).unwrap();
     symlink("/dev/zero", dir.join("zero")).unwrap();
@@ -231,11 +231,11 @@ fn endless_inputs_are_refused_at_once() {
         }
     }
     refused(dir, &["render", "of_file.toml", "-o", "a.png"], &["zero", not_regular]);
-    refused(dir, &["render", "cloth.toml", "-o", "a.png", "--mesh", "linked_pipe"], &["linked_pipe", not_regular]);
+    refused(dir, &["render", "cloth.pwc", "-o", "a.png", "--mesh", "linked_pipe"], &["linked_pipe", not_regular]);
     assert!(begun.elapsed().as_secs() < 60, "{:?}", begun.elapsed());
 }
 
-/// A fabric whose model is a link to a place that its spec may not name.
+/// A cloth whose model is a link to a place that its spec may not name.
 #[cfg(unix)]
 #[test]
 fn links_out_of_a_spec_s_folder_are_refused() {
@@ -243,8 +243,10 @@ fn links_out_of_a_spec_s_folder_are_refused() {
     let dir = folder.path();
     let inner = dir.join("inner");
     std::fs::create_dir(&inner).unwrap();
-    open_cloth(&inner);
-    std::fs::rename(inner.join("silk.pwm"), dir.join("silk.pwm")).unwrap();
-    std::os::unix::fs::symlink("../silk.pwm", inner.join("silk.pwm")).unwrap();
-    refused(dir, &["weave", "inner/cloth.toml"], &["silk.pwm", "leads out of the folder"]);
+    write_cloth(&inner);
+    std::fs::rename(inner.join("models/cotton.pwm"), dir.join("cotton.pwm")).unwrap();
+    std::os::unix::fs::symlink("../../cotton.pwm", inner.join("models/cotton.pwm")).unwrap();
+    for command in [&["weave", "inner/cloth.toml", "-o", "a.pwc"][..], &["render", "inner/cloth.toml", "-o", "a.png"]] {
+        refused(dir, command, &["cotton.pwm", "leads out of the folder"]);
+    }
 }

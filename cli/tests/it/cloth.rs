@@ -69,7 +69,6 @@ fn bad_cloths_are_refused_in_one_line() {
     refused(dir, &["weave", "units.toml"], &["warp.count", "tex and ne", "give one of"]);
     refused(dir, &["weave", "skew.toml"], &["none.tg3"]);
     refused(dir, &["weave", "plain.toml", "-o", "curves.obj"], &["curves.obj", ".toml, .bcc or .tg3"]);
-    refused(dir, &["weave", "plain.toml", "--pixels", "4"], &["--pixels", "cloth spec"]);
     refused(dir, &["twin", "plain.toml", "--paths", "10"], &["warp.model", "(absent)"]);
     refused(dir, &["render", "plain.toml"], &["plain.toml", "warp.model", "(absent)"]);
     refused(dir, &["weave", "plain.toml", "-o", "plain.pwc"], &["plain.toml", "warp.model", "(absent)"]);
@@ -164,5 +163,5 @@ fn a_cloth_is_one_file() {
     let (good, told) = with_cache(dir, &["check", "loose.toml", "--twin", "jersey.pwx"]);
     assert!(!good && told.contains("not the twin's"), "{told}");
     refused(dir, &["weave", "jersey.pwc"], &["jersey.pwc", "a cloth (.pwc)"]);
-    refused(dir, &["render", "jersey.pwc", "--slit-um", "2"], &["--slit-um", "cloths of curves"]);
+    refused(dir, &["render", "jersey.pwc", "--integrator", "dual"], &["--integrator = dual", "strands"]);
 }

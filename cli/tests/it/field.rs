@@ -3,9 +3,9 @@
 //! The values are closed forms, series of Bessel functions or counts by hand; none comes from the program.
 //! Siblings of the cases stand beside the code that reads them.
 
-use crate::common::{json, open_cloth, run, succeed, text};
+use crate::common::{json, run, succeed, text, write_cloth};
 use exr::prelude::{ReadChannels, ReadLayers};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 /// A copy of a case's folder.
 fn case(name: &str) -> tempfile::TempDir {
@@ -16,10 +16,6 @@ fn case(name: &str) -> tempfile::TempDir {
         std::fs::copy(&path, folder.path().join(path.file_name().unwrap())).unwrap();
     }
     folder
-}
-
-fn shipped(name: &str) -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("../fabrics").join(name)
 }
 
 /// A channel of an EXR, row by row, and its width.
@@ -37,11 +33,13 @@ fn mean(file: &Path, name: &str) -> f64 {
     values.iter().map(|v| f64::from(*v)).sum::<f64>() / values.len() as f64
 }
 
-/// Renders a cloth of open silk, flat and from the front; gives what was said beside the picture `o.exr`.
+/// Renders an open cloth, flat and from the front; gives what was said beside the picture `o.exr`.
 fn render_cloth(folder: &Path, more: &[&str]) -> String {
-    open_cloth(folder);
+    if !folder.join("cloth.pwc").exists() {
+        write_cloth(folder);
+    }
     let front =
-        ["render", "cloth.toml", "--sigma", "0", "--smooth", "--setup", "front", "--size-mm", "20", "-o", "o.exr"];
+        ["render", "cloth.pwc", "--sigma", "0", "--smooth", "--setup", "front", "--size-mm", "20", "-o", "o.exr"];
     let output = run(folder, &[&front[..], more].concat());
     assert!(output.status.success(), "{}", text(&output.stderr));
     text(&output.stderr) + &text(&output.stdout)
@@ -116,10 +114,10 @@ fn obj_seam_normals() {
 #[ignore = "slow: 15 s: sky radiance"]
 fn sky_radiance() {
     let folder = case("sky_radiance");
-    let cloth = shipped("cotton_plain.toml");
+    write_cloth(folder.path());
     for (sky, radiance) in [("grey01.exr", 0.1), ("grey10.exr", 10.0)] {
         let size = ["--width", "16", "--height", "16", "--samples", "64", "--quiet", "-o", "o.exr"];
-        let scene = ["render", cloth.to_str().unwrap(), "--sigma", "0", "--smooth", "--setup", "furnace", "--sky", sky];
+        let scene = ["render", "cloth.pwc", "--sigma", "0", "--smooth", "--setup", "furnace", "--sky", sky];
         succeed(folder.path(), &[&scene[..], &size].concat());
         for name in ["R", "G", "B"] {
             let got = mean(&folder.path().join("o.exr"), name) / radiance;
@@ -235,9 +233,7 @@ fn hair_zero_tip_and_one_point() {
 /// What `weave` says of a case: its JSON.
 fn weave(name: &str) -> serde_json::Value {
     let folder = case(name);
-    std::fs::create_dir(folder.path().join("models")).unwrap();
-    std::fs::copy(shipped("models/cotton.pwm"), folder.path().join("models/cotton.pwm")).unwrap();
-    json(&succeed(folder.path(), &["weave", "fabric.toml", "-o", "out", "--pixels", "8", "--json"]))
+    json(&succeed(folder.path(), &["weave", "cloth.toml", "--json"]))
 }
 
 /// The notes that name all of `words`.

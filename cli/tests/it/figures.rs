@@ -93,24 +93,16 @@ fn endings_and_sources_are_refused_in_one_line() {
     for output in ["a.jpg", "a.pdf", "a", "a.png.gz"] {
         refused(dir, &["plot", "tiny.pwm", "-o", output], &[output, "-o", ".png or .svg"]);
     }
-    let fabric = "name = \"cloth\"\n[weave]\nkind = \"plain\"\n[warp]\nmodel = \"tiny.pwm\"\n";
-    std::fs::write(dir.join("cloth.toml"), fabric).unwrap();
     std::fs::write(dir.join("scene.toml"), "lambda_um = [0.5]\n[[fiber]]\nshape = \"circle\"\n").unwrap();
     std::fs::write(dir.join("noise.bin"), (0..200u8).map(|i| i.wrapping_mul(37)).collect::<Vec<_>>()).unwrap();
     std::fs::write(dir.join("empty.pwm"), []).unwrap();
     image::RgbImage::new(9, 9).save(dir.join("picture.png")).unwrap();
-    for (file, what) in [
-        ("cloth.toml", "a fabric spec"),
-        ("scene.toml", "a scene"),
-        ("picture.png", "a picture"),
-        ("noise.bin", "no file of plywave's"),
-    ] {
+    for (file, what) in [("scene.toml", "a scene"), ("picture.png", "a picture"), ("noise.bin", "no file of plywave's")]
+    {
         refused(dir, &["plot", file, "-o", "a.svg"], &[file, what, ".pwm", ".pwt", "a yarn spec (TOML)"]);
     }
     refused(dir, &["plot", "empty.pwm", "-o", "a.svg"], &["empty.pwm", "give a table or model"]);
-    refused(dir, &["plot", "cloth.toml"], &["plywave weave"]);
     refused(dir, &["plot", "none.pwm"], &["none.pwm", "no such file"]);
-    // A fabric's mistakes are told of a yarn spec alone.
     std::fs::write(dir.join("bad.toml"), TINY.replace("eta = 1.58", "eta = 0")).unwrap();
     refused(dir, &["plot", "bad.toml"], &["bad.toml", "eta"]);
     assert!(!names(dir).contains(&"a.svg".to_string()));

@@ -3,7 +3,7 @@
 //! command; where the system allows no such namespace, the tests print why and end.
 #![cfg(target_os = "linux")]
 
-use crate::common::{ANY_FIT, folder, open_cloth, succeed, text};
+use crate::common::{ANY_FIT, folder, succeed, text, write_cloth};
 use std::collections::BTreeMap;
 use std::path::Path;
 use std::process::Command;
@@ -169,18 +169,18 @@ fn outputs_on_a_full_disk_are_whole_or_absent() {
     let fits = ["fit", "../t.pwt", "-o", "m.pwm", "--quiet"];
     assert!(whole_or_absent(dir, &fits, &["m.pwm"], &[4, model / 2, 4 * model + 64]) >= 4);
 
-    open_cloth(dir);
+    write_cloth(dir);
     let small = ["-o", "p.png", "--width", "64", "--height", "48", "--samples", "1", "--quiet"];
-    let of_cloth = [&["render", "../cloth.toml"][..], &small].concat();
+    let of_cloth = [&["render", "../cloth.pwc"][..], &small].concat();
     assert!(whole_or_absent(dir, &of_cloth, &["p.png", "p.exr"], &[12]) == 2);
-    // Pictures of strands are written by the same code, and need no cloth to be loaded.
+    // Pictures of strands are written by the same code.
     std::fs::write(dir.join("few.toml"), STRANDS).unwrap();
     let render = [&["render", "../few.toml"][..], &small].concat();
     assert!(whole_or_absent(dir, &render, &["p.png", "p.exr"], &[4, 12, 40, 100, 160, 1024]) >= 4);
 
     let plot = ["plot", "../m.pwm", "-o", "f.svg", "--quiet"];
     assert!(whole_or_absent(dir, &plot, &["f.svg"], &[4, 20, 4096]) >= 2);
-    let help = ["weave", "../cloth.toml", "-o", "maps", "--quiet"];
+    let help = ["weave", "../cloth.toml", "-o", "curves.toml", "--quiet"];
     let ended = on_disk(dir, 8, &[], &help, false).remove(0);
     assert_eq!((ended.code, ended.err.lines().count()), (2, 1), "{}", ended.err);
 }

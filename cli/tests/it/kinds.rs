@@ -23,10 +23,11 @@ fn kinds() -> Vec<(&'static str, &'static str, Vec<u8>)> {
         ("k.pwp", "a part of a run (.pwp)", container("plywave-part", 1)),
         ("yarn.toml", "a yarn spec (TOML)", text(TINY)),
         (
-            "fabric.toml",
-            "a fabric spec (TOML)",
+            "cloth.toml",
+            "a cloth spec (TOML)",
             text("name = \"f\"\n[weave]\nkind = \"plain\"\n[warp]\nmodel = \"silk\"\n"),
         ),
+        ("k.pwc", "a cloth (.pwc)", container("plywave-cloth", 1)),
         ("filament.toml", "an analytic fiber (TOML)", text("[filament]\nkind = \"dielectric\"\n")),
         ("scene.toml", "a scene for waves (TOML)", text("lambda_um = 0.5\n[[fiber]]\neta = 1.5\n")),
         ("strands.toml", "a scene of strands (TOML)", text("[strands]\nmake = { kind = \"ball\" }\n[fiber]\n")),
@@ -51,30 +52,30 @@ fn places() -> Vec<(&'static str, Vec<&'static str>)> {
         ("family FILE", vec!["yarn.toml", "k.pwfam"]),
         // A spec is refused too, for the flag.
         ("family FILE --param eta=1.5", vec!["k.pwfam", "yarn.toml"]),
-        ("info FILE", vec!["k.pwm", "yarn.toml", "k.pwt", "k.pwf", "k.pws", "k.pwx", "k.pwfam"]),
+        ("info FILE", vec!["k.pwm", "yarn.toml", "k.pwt", "k.pwf", "k.pws", "k.pwx", "k.pwfam", "k.pwc"]),
         (leak(format!("eval FILE --theta-o 0 --phi-o 0 {AT}")), vec!["k.pwm"]),
         (leak(format!("sample FILE {AT}")), vec!["k.pwm"]),
-        ("check FILE", vec!["k.pwm", "k.pwfam", "fabric.toml", "filament.toml"]),
+        ("check FILE", vec!["k.pwm", "k.pwfam", "cloth.toml", "k.pwc", "filament.toml"]),
         ("check k.pwm --table FILE", vec!["k.pwt"]),
         ("check k.pwm --traced FILE", vec!["k.pwt"]),
-        ("check fabric.toml --twin FILE", vec!["k.pwx"]),
+        ("check cloth.toml --twin FILE", vec!["k.pwx"]),
         ("diff FILE k.pwm", vec!["k.pwm", "k.pwt"]),
         ("diff k.pwm FILE", vec!["k.pwm"]),
         ("diff k.pwt FILE", vec!["k.pwt"]),
-        ("plot FILE -o out.png", vec!["k.pwm", "k.pwt", "k.pwf", "k.pws", "yarn.toml"]),
+        ("plot FILE -o out.png", vec!["k.pwm", "k.pwt", "k.pwf", "k.pws", "yarn.toml", "cloth.toml", "k.pwc"]),
         ("plot k.pwm --table FILE -o out.png", vec!["k.pwt"]),
         ("plot k.pwt --model FILE -o out.png", vec!["k.pwm"]),
         ("compare FILE", vec!["yarn.toml"]),
-        ("render FILE -o out.png", vec!["fabric.toml", "strands.toml"]),
-        ("render fabric.toml --mesh FILE -o out.png", vec!["k.obj"]),
-        ("render fabric.toml --sky FILE -o out.png", vec!["k.png"]),
+        ("render FILE -o out.png", vec!["cloth.toml", "k.pwc", "strands.toml"]),
+        ("render cloth.toml --mesh FILE -o out.png", vec!["k.obj"]),
+        ("render cloth.toml --sky FILE -o out.png", vec!["k.png"]),
         ("merge FILE -o out.pwt", vec!["k.pwp"]),
         ("noise FILE", vec!["k.pws"]),
         ("noise k.pws -m FILE", vec!["k.pwm"]),
-        ("color FILE --srgb 1,0,0", vec!["k.pwm", "fabric.toml"]),
+        ("color FILE --srgb 1,0,0", vec!["k.pwm", "cloth.toml", "k.pwc"]),
         ("farm FILE", vec!["library.toml"]),
-        ("twin FILE", vec!["fabric.toml"]),
-        ("weave FILE", vec!["fabric.toml"]),
+        ("twin FILE", vec!["cloth.toml"]),
+        ("weave FILE", vec!["cloth.toml"]),
         ("wave scatter FILE", vec!["scene.toml"]),
         ("wave speckle FILE", vec!["yarn.toml"]),
         ("wave tabulate FILE", vec!["yarn.toml", "scene.toml"]),
@@ -111,7 +112,7 @@ fn every_command_names_the_wrong_kind_and_the_right_one() {
         refused_at(dir, place, "none.toml", &["none.toml", "no such file", &expected]);
         // What is of no kind: its name and no panic. Of two files the other, which is a header alone, may be
         // told first.
-        let is_one = !["k.pw", "fabric.toml", "yarn.toml"].iter().any(|other| place.contains(other));
+        let is_one = !["k.pw", "cloth.toml", "yarn.toml"].iter().any(|other| place.contains(other));
         refused_at(dir, place, "noise.bin", if is_one { &["noise.bin"] } else { &[] });
         if wanted.iter().all(|w| w.starts_with("k.") && *w != "k.obj") {
             refused_at(dir, place, "notes.txt", &["notes.txt", "a text that is no file of plywave's", &expected]);

@@ -2,10 +2,11 @@
 
 mod bad_input;
 mod cloth;
+mod cloths;
+mod colors;
 mod common;
 mod compare;
 mod docs;
-mod fabrics;
 mod false_alarms;
 mod family;
 mod fiber;
@@ -25,5 +26,4 @@ mod strands;
 mod threads;
 mod twin;
 mod wave;
-mod weave;
 mod yarn;

@@ -1,7 +1,7 @@
 //! A folder of parts may hold what is not ours: a run leaves all of it, and refuses a folder that holds
 //! nothing of its own.
 
-use crate::common::{folder, names, run, succeed, text};
+use crate::common::{folder, names, run, text};
 
 const RUN: &[&str] = &["simulate", "tiny.toml", "--preset", "preview", "--quiet", "-o", "t.pwt"];
 
@@ -26,14 +26,4 @@ fn files_of_others_stay_in_a_folder_of_parts() {
         assert!(kept(), "{more:?}: {:?}", names(&parts));
         assert_eq!(names(&parts), before, "{more:?}");
     }
-}
-
-/// A fabric whose families share one model is rendered too.
-#[test]
-#[ignore = "slow: 5 s: fabrics of one model render"]
-fn fabrics_of_one_model_render() {
-    let folder = folder();
-    let organza = concat!(env!("CARGO_MANIFEST_DIR"), "/../fabrics/silk_organza.toml");
-    let size = ["--width", "8", "--height", "8", "--samples", "1", "--quiet"];
-    succeed(folder.path(), &[&["render", organza, "-o", "x.png"][..], &size].concat());
 }

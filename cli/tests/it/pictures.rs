@@ -1,7 +1,7 @@
 //! `plywave render` and its files: what `-o` makes, that no input is written over, that a render goes on only
 //! from sums of the same inputs, and what is told.
 
-use crate::common::{ANY_FIT, json, names, refused, run, succeed, text};
+use crate::common::{ANY_FIT, json, names, refused, run, succeed, text, write_cloth};
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
@@ -9,41 +9,16 @@ fn fabrics() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../fabrics")
 }
 
-/// An open cloth: it takes a fourth of the time to load that a dense one does, as less light goes from yarn
-/// to yarn.
-const CLOTH: &str = r#"name = "open cotton"
-
-[weave]
-kind = "plain"
-
-[warp]
-model = "models/cotton.pwm"
-spacing_um = 900.0
-crimp = 0.5
-srgb = [0.88, 0.88, 0.86]
-
-[weft]
-model = "models/cotton.pwm"
-spacing_um = 900.0
-crimp = 0.5
-srgb = [0.88, 0.88, 0.86]
-"#;
-
-/// A folder with a plain cotton cloth, its model, a mesh and a sky.
+/// A folder with a plain cotton cloth, its spec and model, a mesh and a sky.
 fn folder() -> tempfile::TempDir {
     let folder = tempfile::tempdir().unwrap();
     let dir = folder.path();
-    std::fs::create_dir(dir.join("models")).unwrap();
-    for model in ["cotton.pwm", "polyester.pwm"] {
-        std::fs::copy(fabrics().join("models").join(model), dir.join("models").join(model)).unwrap();
-    }
-    std::fs::write(dir.join("cloth.toml"), CLOTH).unwrap();
+    write_cloth(dir);
     std::fs::write(dir.join("sheet.obj"), SHEET).unwrap();
-    // Rendered once: a fabric takes seconds to load.
     static SKY: OnceLock<Vec<u8>> = OnceLock::new();
     let sky = SKY.get_or_init(|| {
-        succeed(dir, &[&["render", "cloth.toml", "-o", "sky.exr", "--smooth"], SMALL].concat());
-        assert_eq!(names(dir), ["cloth.toml", "models", "sheet.obj", "sky.exr"], "an EXR alone");
+        succeed(dir, &[&["render", "cloth.pwc", "-o", "sky.exr", "--smooth"], SMALL].concat());
+        assert_eq!(names(dir), ["cloth.pwc", "cloth.toml", "models", "sheet.obj", "sky.exr"], "an EXR alone");
         std::fs::read(dir.join("sky.exr")).unwrap()
     });
     std::fs::write(dir.join("sky.exr"), sky).unwrap();
@@ -66,19 +41,19 @@ fn the_ending_decides() {
     let folder = folder();
     let dir = folder.path();
     assert!(starts_with(&dir.join("sky.exr"), EXR));
-    succeed(dir, &[&["render", "cloth.toml", "-o", "b.PNG", "--smooth"], SMALL].concat());
+    succeed(dir, &[&["render", "cloth.pwc", "-o", "b.PNG", "--smooth"], SMALL].concat());
     assert!(starts_with(&dir.join("b.PNG"), PNG) && starts_with(&dir.join("b.exr"), EXR));
-    succeed(dir, &[&["render", "cloth.toml", "-o", "c.png", "--no-exr", "--smooth"], SMALL].concat());
+    succeed(dir, &[&["render", "cloth.pwc", "-o", "c.png", "--no-exr", "--smooth"], SMALL].concat());
     assert!(starts_with(&dir.join("c.png"), PNG) && !dir.join("c.exr").exists());
     // The same bits in whichever file.
     assert!(std::fs::read(dir.join("sky.exr")).unwrap() == std::fs::read(dir.join("b.exr")).unwrap());
     for name in ["x.jpg", "x.tiff", "x"] {
-        refused(dir, &[&["render", "cloth.toml", "-o", name], SMALL].concat(), &[name, "-o", ".png", ".exr"]);
+        refused(dir, &[&["render", "cloth.pwc", "-o", name], SMALL].concat(), &[name, "-o", ".png", ".exr"]);
     }
-    // What the header tells: the spec's name, the fabric and the digest of all inputs.
+    // What the header tells: the name of the file and the digest of all inputs.
     let exr = String::from_utf8_lossy(&std::fs::read(dir.join("b.exr")).unwrap()).into_owned();
     let png = String::from_utf8_lossy(&std::fs::read(dir.join("b.PNG")).unwrap()).into_owned();
-    for word in ["cloth.toml", "sha256:", env!("CARGO_PKG_VERSION")] {
+    for word in ["cloth.pwc", "sha256:", env!("CARGO_PKG_VERSION")] {
         assert!(exr.contains(word) && png.contains(word), "{word}");
     }
 }
@@ -90,10 +65,8 @@ fn inputs_are_not_written_over() {
     let dir = folder.path();
     std::fs::copy(dir.join("sky.exr"), dir.join("studio.exr")).unwrap();
     std::fs::copy(dir.join("sheet.obj"), dir.join("mesh.exr")).unwrap();
-    let spec = std::fs::read_to_string(dir.join("cloth.toml")).unwrap();
-    let model = spec.lines().find_map(|l| l.strip_prefix("model = \"")).unwrap().trim_end_matches('"');
-    std::fs::hard_link(dir.join(model), dir.join("twin.png")).unwrap();
-    std::fs::write(dir.join("cloth.exr"), &spec).unwrap();
+    std::fs::hard_link(dir.join("models/cotton.pwm"), dir.join("twin.png")).unwrap();
+    std::fs::copy(dir.join("cloth.pwc"), dir.join("cloth.exr")).unwrap();
     std::fs::copy(dir.join("sky.exr"), dir.join("kept.sums")).unwrap();
     let before: Vec<Vec<u8>> = names(dir).iter().filter_map(|n| std::fs::read(dir.join(n)).ok()).collect();
     for (more, word) in [
@@ -101,21 +74,17 @@ fn inputs_are_not_written_over() {
         (&["-o", "studio.png", "--sky", "studio.exr"][..], "studio.exr"),
         (&["-o", "studio.exr", "--sky", "studio.exr"], "studio.exr"),
         (&["-o", "mesh.png", "--mesh", "mesh.exr"], "mesh.exr"),
-        // A model that the fabric names, by another name of the file.
-        (&["-o", "twin.png", "--no-exr"], "twin.png"),
         (&["-o", "kept.png", "--sky", "kept.sums"], "kept.sums"),
     ] {
-        refused(dir, &[&["render", "cloth.toml"], more, SMALL].concat(), &[word, "an input of this command"]);
+        refused(dir, &[&["render", "cloth.pwc"], more, SMALL].concat(), &[word, "an input of this command"]);
     }
+    // A model that the spec names, by another name of the file.
+    let over = ["render", "cloth.toml", "-o", "twin.png", "--no-exr"];
+    refused(dir, &over, &["twin.png", "an input of this command"]);
     refused(dir, &[&["render", "cloth.exr", "-o", "cloth.png"], SMALL].concat(), &["cloth.exr", "input"]);
     let after: Vec<Vec<u8>> = names(dir).iter().filter_map(|n| std::fs::read(dir.join(n)).ok()).collect();
     assert_eq!(before, after);
-    // Folders of textures neither.
-    succeed(dir, &["weave", "cloth.toml", "-o", "out", "--pixels", "8", "--quiet"]);
-    std::fs::write(dir.join("out/family.png"), &spec).unwrap();
-    std::fs::create_dir(dir.join("out/models")).unwrap();
-    std::fs::copy(dir.join("models/cotton.pwm"), dir.join("out/models/cotton.pwm")).unwrap();
-    refused(dir, &["weave", "out/family.png", "-o", "out"], &["family.png", "an input"]);
+    refused(dir, &["weave", "cloth.toml", "-o", "cloth.toml"], &["cloth.toml", "an input of this command"]);
 }
 
 #[test]
@@ -124,45 +93,33 @@ fn sums_of_other_inputs_are_refused() {
     let folder = folder();
     let dir = folder.path();
     let more = ["--mesh", "sheet.obj", "--sky", "sky.exr", "--width", "10", "--height", "6", "--quiet", "-o", "a.exr"];
-    let with = |extra: &[&'static str]| [&["render", "cloth.toml"][..], &more, extra].concat();
+    let with = |extra: &[&'static str]| [&["render", "cloth.pwc"][..], &more, extra].concat();
     succeed(dir, &with(&["--samples", "2", "--keep-sums"]));
     let again = with(&["--samples", "4", "--keep-sums", "--resume"]);
     for (flag, value) in [("--cloth-mm", "50"), ("--seed", "9"), ("--size-mm", "7"), ("--sigma", "0"), ("--depth", "3")]
     {
         refused(dir, &[&again[..], &[flag, value]].concat(), &["a.sums", flag, "--resume"]);
     }
+    let mut cloth = plywave::cloth::ClothData::load(dir.join("cloth.pwc")).unwrap();
+    cloth.name += " of another name";
+    let other_cloth = cloth.to_bytes().unwrap();
     let edit = |file: &str, name: &str| {
         let path = dir.join(file);
         let bytes = std::fs::read(&path).unwrap();
         let other = match file {
-            "cloth.toml" => {
-                String::from_utf8(bytes.clone()).unwrap().replace("name = \"", "name = \"other ").into_bytes()
-            }
+            "cloth.pwc" => other_cloth.clone(),
             "sky.exr" => std::fs::read(dir.join("sky2.exr")).unwrap(),
             "sheet.obj" => [&bytes[..], b"# changed\n"].concat(),
-            _ => std::fs::read(dir.join("models/polyester.pwm")).unwrap(),
+            _ => unreachable!(),
         };
         std::fs::write(&path, other).unwrap();
         refused(dir, &again, &["a.sums", &format!("not the same {name}")]);
         std::fs::write(&path, bytes).unwrap();
     };
-    succeed(dir, &[&["render", "cloth.toml", "-o", "sky2.exr", "--smooth", "--seed", "5"], SMALL].concat());
-    edit("cloth.toml", "fabric spec");
+    succeed(dir, &[&["render", "cloth.pwc", "-o", "sky2.exr", "--smooth", "--seed", "5"], SMALL].concat());
+    edit("cloth.pwc", "cloth");
     edit("sheet.obj", "mesh");
     edit("sky.exr", "sky");
-    let spec = std::fs::read_to_string(dir.join("cloth.toml")).unwrap();
-    let model = spec.split("models/").nth(1).unwrap().split('"').next().unwrap();
-    let bytes = std::fs::read(dir.join("models").join(model)).unwrap();
-    // The same model with another name of the fabric's text in it would do; so does a byte at its end that no
-    // reader looks at.
-    let path = dir.join("models").join(model);
-    let mut other = bytes.clone();
-    let at = other.windows(4).position(|w| w == b"name").unwrap();
-    other[at + 9] ^= 1;
-    std::fs::write(&path, &other).unwrap();
-    let output = run(dir, &again);
-    assert_eq!(output.status.code(), Some(2), "{}", text(&output.stderr));
-    std::fs::write(&path, bytes).unwrap();
     // Sums that are damaged, or not finite.
     let sums = std::fs::read(dir.join("a.sums")).unwrap();
     let mut nan = sums.clone();
@@ -181,8 +138,7 @@ fn sums_of_other_inputs_are_refused() {
 fn meshes_tell_what_was_done_to_them() {
     let folder = folder();
     let dir = folder.path();
-    let args =
-        ["render", "cloth.toml", "--mesh", "sheet.obj", "-o", "a.png", "--json", "--width", "8", "--height", "8"];
+    let args = ["render", "cloth.pwc", "--mesh", "sheet.obj", "-o", "a.png", "--json", "--width", "8", "--height", "8"];
     let said = json(&succeed(dir, &[&args[..], &["--samples", "1", "--size-mm", "60"]].concat()));
     let notes = said["notes"].to_string();
     for words in [
@@ -194,18 +150,14 @@ fn meshes_tell_what_was_done_to_them() {
     }
     let heap = SHEET.to_string() + &"f 1/1 2/2 3/3 4/4\n".repeat(200_000);
     std::fs::write(dir.join("heap.obj"), heap).unwrap();
-    let args = ["render", "cloth.toml", "--mesh", "heap.obj", "-o", "a.png", "--json"];
+    let args = ["render", "cloth.pwc", "--mesh", "heap.obj", "-o", "a.png", "--json"];
     let said = json(&succeed(dir, &[&args[..], &["--width", "8", "--height", "8", "--samples", "1"]].concat()));
     assert!(
         said["notes"].to_string().contains("left out 200001 faces equal to another: the first is face 2 (line 10)"),
         "{said}"
     );
     std::fs::write(dir.join("bad.obj"), "v 0 0 0\nv 1 2\n").unwrap();
-    refused(
-        dir,
-        &[&["render", "cloth.toml", "--mesh", "bad.obj", "-o", "a.png"], SMALL].concat(),
-        &["bad.obj: line 2"],
-    );
+    refused(dir, &[&["render", "cloth.pwc", "--mesh", "bad.obj", "-o", "a.png"], SMALL].concat(), &["bad.obj: line 2"]);
 }
 
 /// Models that ship have speckle; a render with speckle names each model without it once.
@@ -215,14 +167,17 @@ fn models_without_speckle_are_told() {
     let folder = folder();
     let dir = folder.path();
     let said = |more: &[&str]| {
-        let told = succeed(dir, &[&["render", "cloth.toml", "-o", "a.png", "--json"], &SMALL[..6], more].concat());
+        let told = succeed(dir, &[&["render", "cloth.pwc", "-o", "a.png", "--json"], &SMALL[..6], more].concat());
         json(&told)["notes"].to_string().matches("no speckle noise").count()
     };
     assert_eq!(said(&[]), 0);
-    let path = dir.join("models/cotton.pwm");
-    let mut data = plywave::ply::PlyData::load(&path).unwrap();
-    assert!(data.noise.take().is_some());
-    data.save(&path).unwrap();
+    let mut cloth = plywave::cloth::ClothData::load(dir.join("cloth.pwc")).unwrap();
+    for model in &mut cloth.models {
+        let mut data = model.data().clone();
+        assert!(data.noise.take().is_some());
+        *model = std::sync::Arc::new(plywave::PlyModel::from_data(data).unwrap());
+    }
+    cloth.save(dir.join("cloth.pwc")).unwrap();
     assert_eq!((said(&[]), said(&["--smooth"])), (1, 0));
 }
 
@@ -232,22 +187,24 @@ fn models_without_speckle_are_told() {
 fn slits_come_by_flag_or_spec() {
     let folder = folder();
     let dir = folder.path();
-    let spec = std::fs::read_to_string(dir.join("cloth.toml")).unwrap();
-    let with = spec.replace("[warp]", "[warp]\nslit_um = 2.0").replace("[weft]", "[weft]\nslit_um = 2.0");
-    std::fs::write(dir.join("slits.toml"), with).unwrap();
+    let mut cloth = plywave::cloth::ClothData::load(dir.join("cloth.pwc")).unwrap();
+    for yarn in ["[warp]", "[weft]"] {
+        cloth.spec_text = cloth.spec_text.replace(yarn, &format!("{yarn}\nslit_um = 2.0"));
+    }
+    cloth.save(dir.join("slits.pwc")).unwrap();
     let picture = |cloth: &str, more: &[&str]| {
         let back = ["--setup", "back", "--size-mm", "3", "--smooth", "-o", "a.png", "--no-exr"];
         succeed(dir, &[&["render", cloth][..], &back, SMALL, more].concat());
         image::open(dir.join("a.png")).unwrap().to_rgb8().into_raw()
     };
-    let (plain, slits) = (picture("cloth.toml", &[]), picture("slits.toml", &[]));
+    let (plain, slits) = (picture("cloth.pwc", &[]), picture("slits.pwc", &[]));
     assert!(plain != slits);
-    assert!(slits == picture("cloth.toml", &["--slit-um", "2"]));
-    assert!(plain == picture("slits.toml", &["--without", "slits"]));
-    refused(dir, &["render", "cloth.toml", "--slit-um", "0"], &["--slit-um = 0"]);
-    refused(dir, &["render", "cloth.toml", "--slit-um", "nan"], &["--slit-um"]);
-    refused(dir, &["render", "cloth.toml", "--slit-um", "2", "--slit-share", "1.5"], &["--slit-share = 1.5"]);
-    refused(dir, &["render", "cloth.toml", "--slit-um", "2", "--without", "slits"], &["--slit-um = 2", "--without"]);
+    assert!(slits == picture("cloth.pwc", &["--slit-um", "2"]));
+    assert!(plain == picture("slits.pwc", &["--without", "slits"]));
+    refused(dir, &["render", "cloth.pwc", "--slit-um", "0"], &["--slit-um = 0"]);
+    refused(dir, &["render", "cloth.pwc", "--slit-um", "nan"], &["--slit-um"]);
+    refused(dir, &["render", "cloth.pwc", "--slit-um", "2", "--slit-share", "1.5"], &["--slit-share = 1.5"]);
+    refused(dir, &["render", "cloth.pwc", "--slit-um", "2", "--without", "slits"], &["--slit-um = 2", "--without"]);
 }
 
 #[test]
@@ -255,21 +212,14 @@ fn slits_come_by_flag_or_spec() {
 fn colors_out_of_reach_are_told_in_the_same_words() {
     let folder = folder();
     let dir = folder.path();
-    let spec = std::fs::read_to_string(dir.join("cloth.toml")).unwrap();
-    let (mut family, mut lines) = ("", Vec::new());
-    for line in spec.lines().filter(|l| !l.starts_with("srgb") && !l.starts_with("sigma_per_um")) {
-        family = if line.starts_with('[') { line } else { family };
-        lines.push(line.to_string());
-        if line == "[warp]" {
-            lines.push("srgb = [0.5, 0.02, 0.08]".into());
-        }
-    }
-    std::fs::write(dir.join("red.toml"), lines.join("\n")).unwrap();
-    let said = json(&succeed(dir, &[&["render", "red.toml", "-o", "a.png", "--json"][..], &SMALL[..6]].concat()));
+    let mut cloth = plywave::cloth::ClothData::load(dir.join("cloth.pwc")).unwrap();
+    cloth.spec_text = cloth.spec_text.replace("srgb = [0.88, 0.88, 0.86]", "srgb = [0.5, 0.02, 0.08]");
+    cloth.save(dir.join("red.pwc")).unwrap();
+    let said = json(&succeed(dir, &[&["render", "red.pwc", "-o", "a.png", "--json"][..], &SMALL[..6]].concat()));
     let notes: Vec<&str> = said["notes"].as_array().unwrap().iter().filter_map(|n| n.as_str()).collect();
     let told: Vec<&str> = notes.iter().filter_map(|n| n.split_once("out of reach: ").map(|n| n.1)).collect();
     assert!(!told.is_empty(), "{notes:?}");
-    let color = succeed(dir, &["color", "red.toml", "--srgb", "0.5,0.02,0.08"]);
+    let color = succeed(dir, &["color", "red.pwc", "--srgb", "0.5,0.02,0.08"]);
     for note in told {
         assert!(color.contains(note), "{note:?} not in {color}");
     }
@@ -285,27 +235,27 @@ fn wrong_kinds_of_files_are_named() {
     let render = |file: &'static str| [&["render", file, "-o", "a.png"], SMALL].concat();
     let model = "models/cotton.pwm";
     for (args, words) in [
-        (render(model), ["a ply model", "expected a fabric spec"]),
-        (render("yarn.toml"), ["a yarn spec", "expected a fabric spec"]),
-        (render("sky.exr"), ["a picture", "expected a fabric spec"]),
-        (vec!["weave", "yarn.toml"], ["a yarn spec", "expected a fabric spec"]),
-        (vec!["info", "cloth.toml"], ["a fabric spec", "plywave render"]),
-        (eval("cloth.toml"), ["a fabric spec", "expected a ply model"]),
+        (render(model), ["a ply model", "expected a cloth spec"]),
+        (render("yarn.toml"), ["a yarn spec", "expected a cloth spec"]),
+        (render("sky.exr"), ["a picture", "expected a cloth spec"]),
+        (vec!["weave", "yarn.toml"], ["a yarn spec", "expected a cloth spec"]),
+        (vec!["info", "cloth.toml"], ["a cloth spec", "plywave render"]),
+        (eval("cloth.toml"), ["a cloth spec", "expected a ply model"]),
         (eval("yarn.toml"), ["a yarn spec", "plywave build"]),
         (vec!["check", "sheet.obj"], ["a mesh", "expected a ply model"]),
         (vec!["check", model, "--table", model], ["a ply model", "expected a table"]),
         (vec!["diff", "yarn.toml", model], ["a yarn spec", "expected a ply model"]),
-        (vec!["diff", model, "cloth.toml"], ["a fabric spec", "expected a ply model"]),
+        (vec!["diff", model, "cloth.toml"], ["a cloth spec", "expected a ply model"]),
         (vec!["color", "yarn.toml", "--srgb", "1,0,0"], ["a yarn spec", "expected a ply model"]),
     ] {
         refused(dir, &args, &words);
     }
     // Values below 0 are values, not flags.
     for flag in ["--sigma", "--size-mm"] {
-        refused(dir, &[&render("cloth.toml")[..], &[flag, "-1"]].concat(), &[flag, "-1", "must be from"]);
+        refused(dir, &[&render("cloth.pwc")[..], &[flag, "-1"]].concat(), &[flag, "-1", "must be from"]);
     }
     refused(dir, &[&eval(model)[..], &["--sigma", "-1"]].concat(), &["--sigma = -1", "0 or more"]);
-    refused(dir, &[&render("cloth.toml")[..], &["--depth", "-3"]].concat(), &["-3", "--depth"]);
+    refused(dir, &[&render("cloth.pwc")[..], &["--depth", "-3"]].concat(), &["-3", "--depth"]);
     refused(dir, &["diff", model, model, "--tol-energy", "-1"], &["--tol-energy = -1", "0 or more"]);
     refused(dir, &[], &["no command given", "expected one of", "simulate", "render"]);
     refused(dir, &["wave"], &["no command given", "scatter"]);
@@ -361,8 +311,7 @@ fn one_fiber_is_one_fiber() {
     succeed(dir, &[&["build", "one.toml", "--preset", "preview", "--quiet"], ANY_FIT].concat());
     let said = succeed(dir, &["info", "one.pwm"]);
     assert!(said.contains(" 1 fiber, "), "{said}");
-    let said =
-        succeed(dir, &["render", "cloth.toml", "-o", "a.png", "--samples", "1", "--width", "4", "--height", "4"]);
+    let said = succeed(dir, &["render", "cloth.pwc", "-o", "a.png", "--samples", "1", "--width", "4", "--height", "4"]);
     assert!(said.contains("1 sample a pixel"), "{said}");
 }
 
@@ -376,7 +325,7 @@ fn what_memory_does_not_hold_is_refused() {
         let script = format!("ulimit -v 3000000; exec {} {args}", env!("CARGO_BIN_EXE_plywave"));
         std::process::Command::new("sh").current_dir(dir).args(["-c", &script]).output().unwrap()
     };
-    let output = limited("render cloth.toml -o a.png --width 16384 --height 16384 --threads 2");
+    let output = limited("render cloth.pwc -o a.png --width 16384 --height 16384 --threads 2");
     let said = text(&output.stderr);
     assert_eq!(output.status.code(), Some(2), "{said}");
     assert!(said.contains("16384 x 16384 pixels needs") && said.lines().count() == 1, "{said}");
@@ -386,7 +335,7 @@ fn what_memory_does_not_hold_is_refused() {
     let at = sky.windows(mark.len()).position(|w| w == mark).unwrap() + mark.len() + 12;
     sky[at..at + 8].copy_from_slice(&[59_999i32.to_le_bytes(), 59_999i32.to_le_bytes()].concat());
     std::fs::write(dir.join("huge.exr"), sky).unwrap();
-    let output = limited("render cloth.toml -o a.png --sky huge.exr --threads 2");
+    let output = limited("render cloth.pwc -o a.png --sky huge.exr --threads 2");
     let said = text(&output.stderr);
     assert_eq!(output.status.code(), Some(2), "{said}");
     assert!(said.contains("huge.exr: 60000 x 60000 texels") && said.lines().count() == 1, "{said}");
@@ -402,7 +351,7 @@ fn cameras_look_where_they_are_told() {
     let dir = folder.path();
     let hits = |depth: &[f32]| depth.iter().filter(|d| **d > 0.0).count();
     let covered = |more: &[&str]| {
-        let args = ["render", "cloth.toml", "--smooth", "-o", "a.exr", "--width", "24", "--height", "24", "--quiet"];
+        let args = ["render", "cloth.pwc", "--smooth", "-o", "a.exr", "--width", "24", "--height", "24", "--quiet"];
         succeed(dir, &[&args[..], &["--samples", "2"], more].concat());
         let read = exr::prelude::read_first_flat_layer_from_file(dir.join("a.exr")).unwrap();
         let depth = read.layer_data.channel_data.list.iter().find(|c| c.name.eq("depth.Z")).unwrap();
@@ -437,7 +386,7 @@ fn cameras_look_where_they_are_told() {
         (&["--fov", "180"], &["--fov = 180", "170"]),
         (&["--fov", "-20"], &["--fov = -20"]),
     ] {
-        refused(dir, &[&["render", "cloth.toml", "-o", "b.exr"], flags].concat(), words);
+        refused(dir, &[&["render", "cloth.pwc", "-o", "b.exr"], flags].concat(), words);
     }
 }
 
@@ -453,7 +402,7 @@ fn skies_light_by_their_radiance() {
     let folder = folder();
     let dir = folder.path();
     let seen = |sky: &str| {
-        let args = ["render", "cloth.toml", "--sigma", "0", "--smooth", "--setup", "furnace", "--samples", "64"];
+        let args = ["render", "cloth.pwc", "--sigma", "0", "--smooth", "--setup", "furnace", "--samples", "64"];
         let size = ["--width", "16", "--height", "16", "-o", "a.exr", "--json", "--sky", sky];
         let said = json(&succeed(dir, &[&args[..], &size].concat()));
         let read = exr::prelude::read_first_flat_layer_from_file(dir.join("a.exr")).unwrap();
@@ -469,7 +418,7 @@ fn skies_light_by_their_radiance() {
     assert!(notes.contains("negative.exr: R of pixel (10, 5) is -0.0001, taken as 0"), "{notes}");
     assert!(seen(&field("sky_files/layer.exr")).0 > 0.0);
     std::fs::write(dir.join("sky.png"), PNG).unwrap();
-    let base = ["render", "cloth.toml", "-o", "b.exr"];
+    let base = ["render", "cloth.pwc", "-o", "b.exr"];
     refused(dir, &[&base[..], &["--sky", "sky.png"]].concat(), &["sky.png", "OpenEXR nor Radiance"]);
     let layer = field("sky_files/layer.exr");
     refused(dir, &[&base[..], &["--sky", &layer, "--sky-layer", "Sun"]].concat(), &["Sun", "ViewLayer.Combined"]);

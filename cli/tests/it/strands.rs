@@ -164,9 +164,6 @@ fn bad_scenes_are_refused_in_one_line() {
         refused(dir, &[&["render", "bad.toml"], SMALL].concat(), words);
     }
     std::fs::write(dir.join("bad.toml"), SCENE).unwrap();
-    refused(dir, &[&["render", "bad.toml", "--setup", "front"], SMALL].concat(), &["--setup", "fabrics"]);
+    refused(dir, &[&["render", "bad.toml", "--setup", "front"], SMALL].concat(), &["--setup", "cloths"]);
     refused(dir, &["build", "bad.toml"], &["bad.toml"]);
-    // Dual scattering without strands.
-    let fabric = concat!(env!("CARGO_MANIFEST_DIR"), "/../fabrics/cotton_plain.toml");
-    refused(dir, &[&["render", fabric, "--integrator", "dual"], SMALL].concat(), &["--integrator = dual", "strands"]);
 }

@@ -1,6 +1,6 @@
 //! Tests of the fits. One program, so that they share loaded data.
 
-mod fabric;
+mod cloth;
 mod family;
 mod fit;
 mod khungurn;
@@ -8,6 +8,8 @@ mod layers;
 mod lbfgsb;
 mod mgh;
 mod planted;
+#[path = "../../../tests/it/small_cloth.rs"]
+mod small_cloth;
 mod speckle;
 #[path = "../../../tests/it/synthetic/mod.rs"]
 mod synthetic;

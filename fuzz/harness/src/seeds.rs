@@ -1,17 +1,19 @@
 //! Good files of each kind: those of the repository, and small ones made here.
 
-use plywave::cloth::ClothSpec;
+use plywave::PlyModel;
+use plywave::cloth::{ClothCurves, ClothData, ClothSpec};
 use plywave::fiber::{FiberSource, FiberTable, OutlineSymmetry};
 use plywave::ply::{FamilyAxis, FamilyData, FamilyParam, PlyData};
 use plywave::spec::YarnSpec;
 use plywave::speckle::{NoiseSpectrum, SpecklePatterns};
-use plywave::twin::{ClothTwin, SphereBins};
+use plywave::twin::{CLASSES, ClothTwin, SphereBins};
 use plywave_sim::cloth::{CurveFormat, make_cloth, write_curves};
 use plywave_sim::runs::{self, Job, Run};
-use plywave_sim::twin::{TwinCloth, TwinJob, TwinOptions};
+use plywave_sim::twin::{TwinCurves, TwinJob, TwinOptions};
 use plywave_sim::wave::{ScatterJob, Scene, SpeckleJob, SpeckleOptions};
 use plywave_sim::{SimOptions, SimulateJob};
 use std::path::{Path, PathBuf};
+use std::sync::{Arc, LazyLock};
 
 fn root() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../..")
@@ -122,23 +124,58 @@ pub fn speckles() -> Vec<Vec<u8>> {
     on_disk(|path| patterns.save(path).expect("good patterns"))
 }
 
-fn specs(fabrics: bool) -> Vec<Vec<u8>> {
-    let entries = std::fs::read_dir(root().join("fabrics")).expect("the fabrics");
+/// Specs of a folder, in the order of their names.
+fn specs(folder: &str) -> Vec<Vec<u8>> {
+    let entries = std::fs::read_dir(root().join(folder)).expect("a folder of specs");
     let mut paths: Vec<PathBuf> =
         entries.map(|e| e.expect("an entry").path()).filter(|p| p.extension().is_some_and(|e| e == "toml")).collect();
     paths.sort();
-    let texts = paths.iter().map(|p| std::fs::read(p).expect("a spec"));
-    texts.filter(|t| fabrics == t.windows(6).any(|w| w == b"[warp]")).collect()
+    paths.iter().map(|p| std::fs::read(p).expect("a spec")).collect()
 }
 
 /// The yarns that ship.
 pub fn yarns() -> Vec<Vec<u8>> {
-    specs(false)
+    specs("fabrics").into_iter().filter(|text| text.windows(7).any(|w| w == b"\n[fiber")).collect()
 }
 
-/// The fabrics that ship.
-pub fn fabrics() -> Vec<Vec<u8>> {
-    specs(true)
+/// An open plain weave of yarns of one ply, as wide as those of the small model, striped.
+const PLAIN: &str = "name = \"plain\"\ncolor_of = \"even_sky\"\n[weave]\nkind = \"plain\"\n\
+    [warp]\ncount = { tex = 2.833 }\ndensity_g_per_cm3 = 1.38\nends_per_cm = 40\nslit_um = 2.0\nslit_share = 0.2\n\
+    stripes = [{ count = 2, srgb = [0.7, 0.1, 0.1] }, { count = 1, srgb = [0.1, 0.2, 0.6] }]\n\
+    [weft]\ncount = { tex = 2.833 }\ndensity_g_per_cm3 = 1.38\npicks_per_cm = 40\nsrgb = [0.5, 0.5, 0.4]\n";
+
+/// Curves of [`PLAIN`].
+fn plain() -> ClothCurves {
+    let spec = ClothSpec::parse(PLAIN, "c.toml").expect("a good spec");
+    let no_file = |name: &str| -> plywave::Result<Vec<u8>> { panic!("{name} is not to be read") };
+    make_cloth(&spec, "c.toml", &mut |name| no_file(name), &|| true).expect("a cloth").curves
+}
+
+/// A small cloth, with the mean over the cell.
+pub static CLOTH: LazyLock<ClothData> = LazyLock::new(|| {
+    let model = Arc::new(PlyModel::load(root().join("tests/data/small.pwm")).expect("the small model"));
+    ClothData::make(PLAIN, "plain", &plain(), &[model.clone(), model], true, |_| Ok(())).expect("a cloth")
+});
+
+/// A file of a small cloth.
+pub fn cloths() -> Vec<Vec<u8>> {
+    vec![CLOTH.to_bytes().expect("a good cloth")]
+}
+
+/// A small cloth, and those that ship.
+pub fn cloth_specs() -> Vec<Vec<u8>> {
+    [vec![PLAIN.into()], specs("fabrics/cloths")].concat()
+}
+
+/// The cloth of a twin.
+fn twin_curves() -> TwinCurves {
+    let yarn = String::from_utf8(file("tests/data/small.toml")).expect("a text");
+    TwinCurves::new("plain", plain(), vec![yarn.clone(), yarn]).expect("a cloth of explicit fibers")
+}
+
+/// Texts of the cloths of twins.
+pub fn twin_cloths() -> Vec<Vec<u8>> {
+    vec![twin_curves().text().into()]
 }
 
 /// A small draft.
@@ -245,43 +282,35 @@ pub fn strands() -> Vec<Vec<u8>> {
     vec![hair, mitsuba.into(), pbrt.into(), placed.into()]
 }
 
-/// A twin that ships.
-fn shipped_twin() -> ClothTwin {
-    ClothTwin::load(root().join("fabrics/twins/silk_organza.pwx")).expect("the twin ships")
-}
-
-/// One view and one absorption of a twin that ships, in eight bins.
+/// One view and one absorption, in eight bins.
 pub fn twins() -> Vec<Vec<u8>> {
-    let t = shipped_twin();
-    let (bins, [nx, ny]) = (SphereBins { rows: 2, columns: 4 }, [2, 2]);
-    let first = |values: &[f64], n: usize| values[..n].to_vec();
-    let small = ClothTwin {
-        views: first(&t.views, 3),
-        sigma_per_um: first(&t.sigma_per_um, 2),
+    let (cloth, bins) = (twin_curves(), SphereBins { rows: 2, columns: 4 });
+    let twin = ClothTwin {
+        spec_text: cloth.text().into(),
+        program_version: "0".into(),
+        name: cloth.name.clone(),
+        seed: 1,
+        repeat_um: cloth.repeat_um(),
+        repeats: [2, 2],
+        views: vec![0.0, 0.6, 0.8],
+        sigma_per_um: vec![0.0, 0.01],
         bins,
-        paths: t.paths[..1].to_vec(),
-        straight: first(&t.straight, 1),
-        killed: first(&t.killed, 1),
-        interactions: first(&t.interactions, 1),
-        reflected: first(&t.reflected, 1),
-        transmitted: first(&t.transmitted, 1),
-        reflected_se: first(&t.reflected_se, 1),
-        transmitted_se: first(&t.transmitted_se, 1),
-        by_yarns: first(&t.by_yarns, 6),
-        by_plies: first(&t.by_plies, 6),
-        density: t.density[..8].to_vec(),
-        variance: t.variance[..8].to_vec(),
-        image: t.image[..4].to_vec(),
-        image_size: [nx, ny],
-        ..t
+        paths: vec![1000],
+        straight: vec![0.25],
+        killed: vec![1e-6],
+        interactions: vec![3.5],
+        reflected: vec![0.4],
+        transmitted: vec![0.3],
+        reflected_se: vec![0.01],
+        transmitted_se: vec![0.01],
+        by_yarns: vec![0.1; 2 * CLASSES],
+        by_plies: vec![0.1; 2 * CLASSES],
+        density: vec![0.07; bins.len()],
+        variance: vec![1e-4; bins.len()],
+        image: vec![0.5; 4],
+        image_size: [2, 2],
     };
-    vec![small.to_bytes().expect("a part of a good twin")]
-}
-
-/// The cloths of two twins that ship.
-pub fn cloths() -> Vec<Vec<u8>> {
-    let twill = ClothTwin::load(root().join("fabrics/twins/cotton_twill.pwx")).expect("the twin ships");
-    vec![shipped_twin().spec_text.into(), twill.spec_text.into()]
+    vec![twin.to_bytes().expect("a good twin")]
 }
 
 /// Scenes of one fiber, and the yarns that ship.
@@ -298,8 +327,7 @@ pub fn jobs() -> Vec<Vec<u8>> {
     let simulate = SimulateJob::new(&spec, &yarn, &SimOptions::preview()).expect("it can be simulated");
     let options = SpeckleOptions { instances: 2, ..SpeckleOptions::default() };
     let speckle = SpeckleJob::new(&spec, &yarn, &options).expect("it has fibers");
-    let cloth = TwinCloth::parse(&shipped_twin().spec_text).expect("the cloth of a twin");
-    let twin = TwinJob::new(cloth, &TwinOptions::default()).expect("it can be traced");
+    let twin = TwinJob::new(twin_curves(), &TwinOptions::default()).expect("it can be traced");
     let texts = [
         simulate.description(),
         speckle.description(),
@@ -309,19 +337,12 @@ pub fn jobs() -> Vec<Vec<u8>> {
     texts.into_iter().map(|d| d.text().into()).collect()
 }
 
-/// Curves of a small cloth in each of their formats, and specs of cloths.
+/// Curves of a small cloth in each of their formats.
 pub fn curves() -> Vec<Vec<u8>> {
-    let yarn = |key: &str| format!("count = {{ tex = 12 }}\ndensity_g_per_cm3 = 1.5\n{key} = 25\n");
-    let (warp, weft) = (yarn("ends_per_cm"), yarn("picks_per_cm"));
-    let text = format!("name = \"plain\"\n[weave]\nkind = \"plain\"\n[warp]\n{warp}[weft]\n{weft}");
-    let spec = ClothSpec::parse(&text, "c.toml").expect("a good spec");
-    let no_file = |name: &str| -> plywave::Result<Vec<u8>> { panic!("{name} is not to be read") };
-    let made = make_cloth(&spec, "c.toml", &mut |name| no_file(name), &|| true).expect("a cloth");
+    let curves = plain();
     // The target knows the cell of the .bcc.
-    let mut all: Vec<Vec<u8>> = [CurveFormat::Toml, CurveFormat::Tg3, CurveFormat::Bcc]
+    [CurveFormat::Toml, CurveFormat::Tg3, CurveFormat::Bcc]
         .into_iter()
-        .map(|format| write_curves(&made.curves, "plain", format))
-        .collect();
-    all.extend(["satin", "jersey", "organza"].map(|name| file(&format!("fabrics/cloths/{name}.toml"))));
-    all
+        .map(|format| write_curves(&curves, "plain", format))
+        .collect()
 }

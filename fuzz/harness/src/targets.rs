@@ -2,24 +2,23 @@
 //! is a panic.
 
 use crate::Rng;
-use plywave::cloth::{ClothLines, ClothSpec, LineHits};
-use plywave::fabric::{FabricOptions, FabricSpec, LoadedFabric, Wif};
+use crate::seeds::CLOTH;
+use plywave::cloth::{ClothData, ClothLines, ClothModel, ClothOptions, ClothSpec, LineHits, Wif};
 use plywave::fiber::{FiberModel, FiberTable, FilamentSpec, TabulatedFiber};
 use plywave::ply::{FamilyParams, PlyFamily};
 use plywave::spec::YarnSpec;
 use plywave::speckle::{Instance, Noise, SpecklePatterns};
 use plywave::table::Table;
 use plywave::twin::ClothTwin;
-use plywave::{Bsdf, FabricModel, FabricQuery, FiberQuery, PlyModel, PlyQuery};
+use plywave::{Bsdf, ClothQuery, FiberQuery, PlyModel, PlyQuery};
 use plywave_render::{Basis, Environment, Film, Light, Mesh, Scene, StrandFile, StrandShape, StrandTree, Strands};
 use plywave_sim::cloth::make_cloth;
 use plywave_sim::runs::{AnyJob, PartFile, Parts};
-use plywave_sim::twin::TwinCloth;
+use plywave_sim::twin::TwinCurves;
 use plywave_sim::wave::SingleFiber;
 use std::fmt::Display;
 use std::path::Path;
 use std::sync::atomic::{AtomicU64, Ordering};
-use std::sync::{Arc, OnceLock};
 
 /// Largest albedo of one model: energies of loaded models add up to at most this
 /// (docs/reference/format/models.md), and rounding.
@@ -186,44 +185,59 @@ pub fn yarn(bytes: &[u8]) {
     }
 }
 
-/// The text of a fabric spec, woven of a model that ships.
-pub fn fabric(bytes: &[u8]) {
-    static MODEL: OnceLock<Arc<PlyModel>> = OnceLock::new();
+/// Queries of a cloth of which none has more light than `most`.
+fn ask_cloth(cloth: &ClothModel, most: f32, rng: &mut Rng) {
+    for _ in 0..40 {
+        let position = [any(rng, 5e3), any(rng, 5e3)];
+        let footprint_um = if rng.below(2) == 0 { 0.0 } else { any(rng, 2e3) };
+        let query = ClothQuery { turn_rad: any(rng, 3.0), footprint_um, ..ClothQuery::rgb(position, direction(rng)) };
+        ask("cloth", &cloth.at(&query), most, rng);
+    }
+}
+
+/// The text of a cloth spec, of the curves of a small cloth.
+pub fn cloth_spec(bytes: &[u8]) {
     let Ok(text) = std::str::from_utf8(bytes) else { return };
-    let Some(spec) = loaded(FabricSpec::parse(text, "f.toml")) else { return };
+    let Some(spec) = loaded(ClothSpec::parse(text, "c.toml")) else { return };
+    for yarn in spec.yarns() {
+        assert!(yarn.strand_radius_um() > 0.0 && yarn.radius_um().is_finite());
+        assert_eq!(yarn.section().len(), yarn.strands());
+    }
     let mut rng = seeded(bytes);
     // The spectra of its gaps take 20 ms.
     if rng.below(4) > 0 {
         return;
     }
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../fabrics/models/polyester.pwm");
-    let model = MODEL.get_or_init(|| Arc::new(PlyModel::load(path).expect("the model ships")));
-    let woven = LoadedFabric::new(spec, None, [vec![model.clone()], vec![model.clone()]]);
-    let Some(fabric) = loaded(woven).and_then(|woven| loaded(FabricModel::new(woven, &FabricOptions::default())))
-    else {
-        return;
-    };
-    for _ in 0..40 {
-        let position = [any(&mut rng, 5e3), any(&mut rng, 5e3)];
-        let query = FabricQuery { turn_rad: any(&mut rng, 3.0), ..FabricQuery::rgb(position, direction(&mut rng)) };
-        // In a gap four plies and the aperture, each within its tolerance.
-        ask("fabric", &fabric.at(&query), 1.25, &mut rng);
+    let mut data = CLOTH.clone();
+    data.spec_text = text.into();
+    let options = ClothOptions { far: true, ..ClothOptions::default() };
+    if let Some(cloth) = loaded(ClothModel::from_data(data, &options)) {
+        // In a gap several plies and the aperture, each within its tolerance.
+        ask_cloth(&cloth, 1.25, &mut rng);
     }
 }
 
-/// Curves of a cloth in each of their formats, lines through them, and the text of a cloth spec.
+/// A cloth file.
+pub fn cloth(bytes: &[u8]) {
+    let Some(data) = loaded(ClothData::from_bytes(bytes, "c.pwc")) else { return };
+    let mut rng = seeded(bytes);
+    if rng.below(4) > 0 {
+        return;
+    }
+    let options = ClothOptions { far: true, noise: rng.below(2) == 0, ..ClothOptions::default() };
+    if let Some(cloth) = loaded(ClothModel::from_data(data, &options)) {
+        // Nothing binds the energies between yarns of a file.
+        ask_cloth(&cloth, f32::INFINITY, &mut rng);
+    }
+}
+
+/// Curves of a cloth in each of their formats, and lines through them.
 pub fn curves(bytes: &[u8]) {
     let mut rng = seeded(bytes);
-    if let Some(spec) = std::str::from_utf8(bytes).ok().and_then(|text| loaded(ClothSpec::parse(text, "c.toml"))) {
-        for yarn in spec.yarns() {
-            assert!(yarn.strand_radius_um() > 0.0 && yarn.radius_um().is_finite());
-            assert_eq!(yarn.section().len(), yarn.strands());
-        }
-    }
     for ending in ["toml", "bcc", "tg3"] {
         let text = format!(
-            "name = \"x\"\n[curves]\nfile = \"x.{ending}\"\n{}[yarn]\ncount = {{ tex = 20 }}\ndensity_g_per_cm3 = 1.5\n",
-            if ending == "bcc" { "cell_um = [[400.0, 400.0], [0.0, 800.0]]\n" } else { "" }
+            "name = \"x\"\n[curves]\nfile = \"x.{ending}\"\n{}[yarn]\ncount = {{ tex = 2.833 }}\ndensity_g_per_cm3 = 1.38\n",
+            if ending == "bcc" { "cell_um = [[250.0, 250.0], [0.0, 500.0]]\n" } else { "" }
         );
         let spec = ClothSpec::parse(&text, "c.toml").expect("a good spec");
         let made = loaded(make_cloth(&spec, "c.toml", &mut |_| Ok(bytes.to_vec()), &|| true));
@@ -362,10 +376,11 @@ pub fn twin(bytes: &[u8]) {
 }
 
 /// The text of a twin's cloth, as a twin has it.
-pub fn cloth(bytes: &[u8]) {
+pub fn twin_cloth(bytes: &[u8]) {
     let Ok(text) = std::str::from_utf8(bytes) else { return };
-    if let Some(cloth) = loaded(TwinCloth::parse(text)) {
-        loaded(TwinCloth::parse(cloth.text())).expect("its own text is one");
+    if let Some(cloth) = TwinCurves::parse(text).and_then(loaded) {
+        let again = TwinCurves::parse(cloth.text()).expect("its own text is one");
+        again.expect("and good");
     }
 }
 

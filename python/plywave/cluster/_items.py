@@ -132,9 +132,9 @@ def speckle_item(spec: Spec, *, name: Optional[str] = None, instances: int = 200
     return Item("speckle", _name(spec, name, "speckle"), _jobs(rows), text, ())
 
 
-def twin_item(fabric: PathLike, *, name: Optional[str] = None, paths: Optional[int] = None, seed: int = 1) -> Item:
-    """The twin of a fabric spec: explicit fibers, path-traced at the standard views and absorptions (docs/validation/cloth.md)."""
-    path = os.fspath(fabric)
+def twin_item(cloth: PathLike, *, name: Optional[str] = None, paths: Optional[int] = None, seed: int = 1) -> Item:
+    """The twin of a cloth spec: explicit fibers, path-traced at the standard views and absorptions (docs/validation/cloth.md)."""
+    path = os.fspath(cloth)
     rows, text = _plywave.plan_twin(path, None if paths is None else whole(paths, "paths"), whole(seed, "seed"))
     return Item("twin", _name(path, name, "twin"), _jobs(rows), text, ())
 

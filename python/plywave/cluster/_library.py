@@ -29,7 +29,7 @@ _KEYS: Dict[str, Dict[str, Union[type, Tuple[type, ...]]]] = {
         "beta_m_rad": float,
     },
     "speckle": {"spec": str, "name": str, "seed": int, "instances": int},
-    "twin": {"fabric": str, "name": str, "seed": int, "paths": int},
+    "twin": {"cloth": str, "name": str, "seed": int, "paths": int},
     "compare": {
         "spec": str,
         "name": str,
@@ -94,7 +94,7 @@ def _item(kind: str, entry: Any, where: str, library: Dict[str, Any], folder: st
     if not isinstance(entry, dict):
         raise Error(f"{where}: no table; write [[{kind}]]")
     check_options(entry, _KEYS[kind], where)
-    source = "fabric" if kind == "twin" else "spec"
+    source = "cloth" if kind == "twin" else "spec"
     if source not in entry:
         raise Error(f"{where}: {source} is missing; give a path")
     options = dict(entry)

@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-import os
 import struct
-import tempfile
 import zlib
 from typing import Optional
 
 import numpy as np
 
-from .._fabric import Fabric
 from .._family import Family
 from .._files import unpack
-from .._plywave import Error
+from .._model import Model
 
 _SIDE = 160
 _REPEATS = 3
@@ -45,7 +42,7 @@ def _towards(tilt: float, azimuth: float) -> np.ndarray:
 
 
 def swatch(model: bytes) -> Optional[bytes]:
-    """A PNG of an open plain weave of a model's plies, undyed, seen from above under two lamps; `None` for a model that cannot be woven so."""
+    """A PNG of an open plain weave of a model's plies, undyed, seen from above under two lamps: light that they scatter once. `None` for a model without a radius."""
     rgb = _woven(model)
     return None if rgb is None else png(rgb)
 
@@ -64,24 +61,35 @@ def _woven(model: bytes) -> Optional[np.ndarray]:
     arrays, _ = unpack(model)
     if "edge_radius_um" not in arrays:
         return None
-    radius_um = float(arrays["edge_radius_um"][0])
-    yarn = {"model": "yarn.pwm", "spacing_um": 3.2 * radius_um}
-    with tempfile.TemporaryDirectory(prefix="plywave-") as folder:
-        with open(os.path.join(folder, "yarn.pwm"), "wb") as file:
-            file.write(model)
-        try:
-            fabric = Fabric({"name": "swatch", "weave": {"kind": "plain"}, "warp": yarn, "weft": yarn}, folder=folder)
-        except Error:
-            return None
+    ply, radius_um = Model.from_bytes(model), float(arrays["edge_radius_um"][0])
+    spacing_um, amplitude_um = 3.2 * radius_um, 1.05 * radius_um
     # Two points a pixel each way.
-    x = (np.arange(2 * _SIDE, dtype=np.float32) + 0.5) / (2 * _SIDE) * (_REPEATS * fabric.repeat_um[0])
-    position = np.stack(np.meshgrid(x, -x), -1)
-    above = np.array([0.0, 0.0, 1.0], np.float32)
-    lamps = ((0.7, 2.2, 1.0), (0.5, -0.6, 0.25))
-    f = sum(weight * np.asarray(fabric.eval(position_um=position, wo=above, wi=_towards(tilt, azimuth))) for tilt, azimuth, weight in lamps)
-    # A white matte surface under both lamps is at 1.2 of white.
-    light = 1.2 * np.pi * np.reshape(f, (_SIDE, 2, _SIDE, 2, 3)).mean((1, 3))
-    return _srgb(light)
+    side = np.linspace(0.0, _REPEATS * 2.0 * spacing_um, 2 * _SIDE, endpoint=False)
+    x, y = np.meshgrid(side, side[::-1])
+    light, top_um = np.zeros_like(x), np.full_like(x, -np.inf)
+    for is_warp, across, along in ((True, x, y), (False, y, x)):
+        yarn = np.floor(across / spacing_um)
+        off = across - (yarn + 0.5) * spacing_um
+        # On top of the first crossing, below at the next, and the other way round of the next yarn.
+        turn = np.pi * (along / spacing_um - 0.5 - yarn)
+        rise = amplitude_um if is_warp else -amplitude_um
+        height, slope = rise * np.cos(turn), -rise * np.pi / spacing_um * np.sin(turn)
+        inside = np.abs(off) < radius_um
+        height_um = height + np.sqrt(np.maximum(radius_um**2 - off**2, 0.0))
+        seen = inside & (height_um > top_um)
+        c = 1.0 / np.hypot(1.0, slope[seen])
+        s, zero = slope[seen] * c, np.zeros_like(c)
+        # The ply's axes, of a view from above: across it, up, along.
+        axes = ((-1.0 + zero, zero, zero), (zero, -s, c), (zero, c, s)) if is_warp else ((zero, 1.0 + zero, zero), (-s, zero, c), (c, zero, s))
+        h_um = -off[seen] if is_warp else off[seen]
+        sums = np.zeros_like(c)
+        for tilt, azimuth, weight in ((0.7, 2.2, 1.0), (0.5, -0.6, 0.25)):
+            w = _towards(tilt, azimuth)
+            towards = np.stack([sum(a * b for a, b in zip(axis, w)) for axis in axes], -1)
+            sums += weight * np.asarray(ply.eval(np.arctan2(s, c), h_um, towards, 0.0, edge=False))[..., 0]
+        light[seen], top_um[seen] = sums, height_um[seen]
+    light = light.reshape(_SIDE, 2, _SIDE, 2).mean((1, 3))
+    return _srgb(np.repeat(light[..., None] / max(float(np.percentile(light, 98.0)), 1e-9), 3, -1))
 
 
 def _map(values: np.ndarray) -> Optional[bytes]:

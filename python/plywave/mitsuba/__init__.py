@@ -1,4 +1,4 @@
-"""BSDF plugins for Mitsuba 3: ``import plywave.mitsuba`` registers ``plywave_cloth`` and ``plywave_fabric`` (surfaces with uv), ``plywave_ply`` and ``plywave_fiber`` (curves).
+"""BSDF plugins for Mitsuba 3: ``import plywave.mitsuba`` registers ``plywave_cloth`` (surfaces with uv), ``plywave_ply`` and ``plywave_fiber`` (curves).
 
 All is evaluated in Dr.Jit from the model's own tensors, so it runs in megakernels and on GPUs and is differentiable. docs/reference/mitsuba_plugins.md has the keys.
 """
@@ -25,7 +25,7 @@ def _register(old=None, new=None):
 def check(scene):
     """Refuses a scene in which a shape cannot carry the plugin that it has; what a plugin cannot see by itself.
 
-    Raises ``ValueError``, in one line, for a mesh without texture coordinates, for ``plywave_cloth`` or ``plywave_fabric`` on a curve, and for ``plywave_ply`` or ``plywave_fiber`` on what is neither a
+    Raises ``ValueError``, in one line, for a mesh without texture coordinates, for ``plywave_cloth`` on a curve, and for ``plywave_ply`` or ``plywave_fiber`` on what is neither a
     ``bsplinecurve`` nor a tube (Mitsuba's ``linearcurve`` does not tell where it runs). BSDFs within others, such as ``mask`` and ``twosided``, are looked at too.
     """
     from ._base import misfit, plugins_of

@@ -105,7 +105,7 @@ def misfit(bsdf, shape):
     # Mitsuba counts a rectangle as a mesh; it always has uv, and no method that says so.
     if isinstance(shape, mi.Mesh) and not shape.has_vertex_texcoords():
         return f"{name}: no texture coordinates: {bsdf.PLUGIN} needs uv, {bsdf.ALONG}"
-    if bsdf.PLUGIN in ("plywave_cloth", "plywave_fabric"):
+    if bsdf.PLUGIN == "plywave_cloth":
         return f"{name}: a curve: {bsdf.PLUGIN} is for surfaces: use plywave_ply" if "Curve" in kind else None
     if kind == "LinearCurve":
         return f"{name}: a linearcurve: Mitsuba does not tell where it runs: use a bsplinecurve"

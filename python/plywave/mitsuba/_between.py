@@ -1,4 +1,4 @@
-"""Light between yarns in Dr.Jit (``src/fabric/between.rs``, ``splines.rs``)."""
+"""Light between yarns in Dr.Jit (``src/cloth/between.rs``, ``splines.rs``)."""
 
 import math
 
@@ -39,10 +39,10 @@ def few(t):
 
 
 class Between:
-    """Light that plies send to other yarns, and how it leaves. The tables are those of ``Cloth``."""
+    """Light that plies send to other yarns, and how it leaves. The tables are those of ``Curves``."""
 
     def between(self, a, classes, sigma):
-        """Energies that leave up and down, of a beam from ``a`` whose first plies scatter ``classes``, energies by class, in yarns of warp and weft of ``sigma``; what other
+        """Energies that leave up and down, of a beam from ``a`` whose first plies scatter ``classes``, energies by class, in yarns of two kinds of ``sigma``; what other
         yarns catch of those."""
         kit, n, count = self.kit, self.kit.count, self.classes
         t = polynomials(a)
@@ -80,11 +80,11 @@ class Between:
         def body(given, cls, up, down, all_caught):
             classes, fractions, weights = given
             energy = of_class(classes, cls)
-            is_warp = cls < count // 2
+            is_first = cls < count // 2
             up, down, all_caught = kit.S(up), kit.S(down), kit.S(all_caught)
             for k in range(n):
-                node = dr.select(is_warp, nodes[0][k][0], nodes[1][k][0])
-                u = dr.select(is_warp, fractions[0][k], fractions[1][k])
+                node = dr.select(is_first, nodes[0][k][0], nodes[1][k][0])
+                u = dr.select(is_first, fractions[0][k], fractions[1][k])
                 at = ((side * count + cls) * (SIGMAS - 1) + node) * COUNT
                 sums = [0.0] * 6
                 for index, w in spline:
@@ -125,8 +125,8 @@ class Between:
         return any_
 
     @staticmethod
-    def corners(warp, weft):
-        (i, x), (j, y) = warp, weft
+    def corners(first, second):
+        (i, x), (j, y) = first, second
         at = i * SIGMAS + j
         return [(at, (1.0 - x) * (1.0 - y)), (at + 1, (1.0 - x) * y), (at + SIGMAS, x * (1.0 - y)), (at + SIGMAS + 1, x * y)]
 

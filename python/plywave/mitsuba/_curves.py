@@ -16,7 +16,6 @@ class Curves(Lines, Tables):
 
     #: What is kept of a ply that a line hits.
     WHERE = ("piece", "cells", "place")
-    some_one_by_one = False
 
     def __init__(self, kit, tensors):
         Tables.__init__(self, kit, tensors)
@@ -86,10 +85,6 @@ class Curves(Lines, Tables):
         # Never as far as 2^12 periods from the first.
         row = lambda place: first + kit.uint(place + kit.int(count) * (1 << 12)) % count
         return [(row(place), 1.0 - (x - whole)), (row(place + 1), x - whole)]
-
-    def off_yarn(self, hit, b):
-        """A ply is a yarn of its own here."""
-        return 0.0, 0.0, 1.0
 
 
 def _signed(word):

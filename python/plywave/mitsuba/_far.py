@@ -1,4 +1,4 @@
-"""The mean of a cloth over its repeat, for pixels that cover many yarns (src/fabric/far.rs): its plies' light from tables of views, its light between yarns at the mean
+"""The mean of a cloth over its cell, for pixels that cover many yarns (src/cloth/far.rs): its plies' light from tables of views, its light between yarns at the mean
 energies, what passes all plies through a few apertures that stand for all.
 """
 
@@ -10,7 +10,7 @@ import numpy as np
 from ._kit import clamp
 
 TAU = 2.0 * math.pi
-# src/fabric/far.rs
+# src/cloth/far.rs
 LENGTH_UM, APERTURES = 150.0, 3
 
 
@@ -52,8 +52,7 @@ class Far:
         self.sums = kit.floats(np.pad(tensors["far_chances"], [(0, 0)] * 3 + [(1, 0)]))
         self.energy, self.first = kit.floats(tensors["far_energy"]), kit.floats(tensors["far_first"])
         self.passing = kit.floats(tensors["far_passing"])
-        # None of a cloth, whose gaps let light straight through.
-        self.apertures = kit.words(tensors["far_apertures"]) if "far_apertures" in tensors else None
+        self.apertures = kit.words(tensors["far_apertures"])
         # Classes of first plies of a kind.
         self.layers = tensors["far_first"].shape[2]
 
@@ -185,7 +184,7 @@ class Far:
         return (high - low) * (TAU / self.columns)
 
     def plies(self, at, k, b):
-        """f of a family's plies by channel, and the density of their samples."""
+        """f of the plies of a kind of yarns by channel, and the density of their samples."""
         kit = self.kit
         views, shares, theta_i = at["around"][k]
         theta, phi = self.angles(self.along_y[k], b)

@@ -146,7 +146,7 @@ def turned(w, turn, sign=1.0):
 
 
 class Gaps:
-    """The apertures' spectra of a fabric on the device."""
+    """The apertures' spectra of a cloth on the device."""
 
     def __init__(self, kit, tables, step):
         self.kit, self.step = kit, step
@@ -154,7 +154,7 @@ class Gaps:
         self.factors = kit.floats(np.pad(rows[:, :9], ((0, 0), (0, 3))))
         self.masses = kit.floats(rows[:, 9:])
 
-    def at(self, aperture, turn=None):
+    def at(self, aperture, turn):
         """A gap by the distances of its edges [um]: the spectra of its two axes, and cosine and sine of the angle from x to the first."""
         west, east, south, north = aperture
         return self.near(west, east), self.near(south, north), turn
@@ -226,7 +226,7 @@ class Slits:
         self.kit, self.shares, self.gaps = kit, [float(share) for share in shares], Gaps(kit, spectra, 1.0)
 
     def at(self, is_first, is_double, lam):
-        """The slit of a ply that a line comes near, of the first kind of yarn or the second; where two layers lie there is none."""
+        """The slit of a ply that a line hits, of the first kind of yarn or the second; where two layers lie there is none."""
         kit = self.kit
         share = dr.select(is_double, 0.0, dr.select(is_first, *self.shares))
         row = dr.select(is_first, kit.uint(0), kit.uint(2))

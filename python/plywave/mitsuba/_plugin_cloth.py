@@ -1,37 +1,50 @@
-"""The plugin ``plywave_cloth``."""
+"""The plugin ``plywave_cloth``: places by uv, colors, light of the plies that a line meets, the mean over the cell, samples."""
+
+import math
 
 import drjit as dr
 import mitsuba as mi
+import numpy as np
 
-from . import _native, _surface, _through
-from ._base import typed
+from . import _light, _native, _through
+from ._base import check_keys, check_lengths, check_size, texture, typed
 from ._curves import Curves
 from ._far import Far
 from ._gaps import Gaps, Slits
+from ._kit import Kit, clamp, cross3, detached, dot3
 from ._speckle import Speckle
 
+#: ``BSDFFlags::NeedsDifferentials`` of Mitsuba's bsdf.h, which its Python enumeration lacks.
+NEEDS_DIFFERENTIALS = 0x20000
+#: Switches and their defaults.
+SWITCHES = {"layers": True, "shadowing": True, "edges": True, "slits": True, "speckle": False, "far": False}
 YARNS = ("warp_", "weft_")
 COLORS = ("color", "sigma_per_um")
+KEYS = {"filename", "um_per_uv", "rotation_deg", "to_uv", "footprint_um", "footprint_rad", "footprint_scale", "id", "gaps"}
+KEYS |= set(SWITCHES) | {f"{yarn}{what}" for yarn in ("", *YARNS) for what in COLORS}
 
 
-def define(Surface):
+def define(Calls):
     """The plugin's class for the current variant."""
 
-    class Cloth(Surface):
+    class Cloth(Calls):
         """``plywave_cloth``: a cloth on a surface with uv."""
 
         PLUGIN, ALONG = "plywave_cloth", "along whose u the cloth's x runs"
-        FLAGS = {"layers": True, "shadowing": True, "edges": True, "slits": True, "speckle": False, "far": False}
-        KEYS = _surface.KEYS | set(FLAGS) | {"gaps"} | {f"{yarn}{what}" for yarn in ("", *YARNS) for what in COLORS}
 
         def __init__(self, props):
             mi.BSDF.__init__(self, props)
-            name = self.PLUGIN
-            on, kit = self.begin(props), self.kit
+            name, kit = self.PLUGIN, Kit()
+            self.kit = kit
+            check_keys(name, props, KEYS)
+            on = {key: typed(name, props, key, bool, default) for key, default in SWITCHES.items()}
+            gaps = typed(name, props, "gaps", str, "diffracted")
+            if gaps not in ("straight", "diffracted"):
+                raise ValueError(f"{name}: gaps: {gaps!r}: expected 'straight' or 'diffracted'")
             filename = typed(name, props, "filename", str, None)
             if filename is None:
                 raise ValueError(f"{name}: filename: give a cloth file (.pwc), made with `plywave weave SPEC -o CLOTH.pwc`, or a cloth spec (.toml)")
-            gaps = self.gaps_of(props)
+            self.read_footprint(props, on["far"])
             tables = _native.ClothTables(str(mi.file_resolver().resolve(filename)), gaps == "diffracted", **on)
             for note in tables.notes():
                 mi.Log(mi.LogLevel.Info, f"{name}: {note}")
@@ -46,14 +59,195 @@ def define(Surface):
                 raise ValueError(f"{name}: far: true: the cloth file has no far view: make it anew with `plywave weave`")
             self.far = Far(kit, tensors, self.cloth, self.cloth.along_y) if on["far"] else None
             self.longest_um = max((a * a + b * b) ** 0.5 for a, b in self.cloth.cell)
-            self.yarns = YARNS[: self.cloth.kinds] if self.cloth.kinds > 1 else ("",)
+            self.read_place(props)
+            rgb, spectrum = tensors["dye_rgb"], tensors["dye_spectrum"]
+            self.dyes = kit.parameter(spectrum if kit.spectral else np.pad(rgb, ((0, 0), (0, 1))))
+            self.dye_table, self.dye_count = kit.table_of(self.dyes), len(self.dyes)
+            self.read_colors(props)
+            F = mi.BSDFFlags
+            sides = F.FrontSide | F.BackSide | F.SpatiallyVarying | F.Anisotropic | F.NonSymmetric
+            components = [int(part | sides) for part in (F.GlossyReflection, F.GlossyTransmission, F.Null)]
+            if on["far"] and self.footprint_um is None and self.footprint_rad is None:
+                components = [c | NEEDS_DIFFERENTIALS for c in components]
+            self.setup(components)
+
+        def read_footprint(self, props, far):
+            """The keys of the far view."""
+            name = self.PLUGIN
+            footprint = [self.length(props, f"footprint_{key}", far) for key in ("um", "rad", "scale")]
+            if self.kit.jit:
+                # Memory, not constants of the kernel, which other values would compile anew.
+                footprint = [None if x is None else dr.opaque(mi.Float, x) for x in footprint]
+            self.footprint_um, self.footprint_rad, self.footprint_scale = footprint
+            if self.footprint_um is not None and self.footprint_rad is not None:
+                raise ValueError(f"{name}: footprint_rad: given with footprint_um: give one of them")
+
+        def read_place(self, props):
+            """How the pattern lies in uv."""
+            name, kit = self.PLUGIN, self.kit
+            scale = props["um_per_uv"] if "um_per_uv" in props else 1e5
+            self.um_per_uv = self.pair("um_per_uv", scale)
+            if kit.jit:
+                dr.make_opaque(self.um_per_uv)
+                self.last, self.probe = None, mi.Float(0.0)
+                dr.enable_grad(self.probe)
+            self.rotation = math.radians(typed(name, props, "rotation_deg", float, 0.0))
+            self.turn = (math.cos(self.rotation), math.sin(self.rotation))
+            self.to_uv = None
+            if "to_uv" in props:
+                to_uv = props["to_uv"]
+                matrix = getattr(to_uv, "matrix", None)
+                if matrix is None:
+                    raise ValueError(f"{name}: to_uv: {to_uv!r}: expected a transform")
+                m = [[float(_number(matrix[i][j])) for j in range(len(matrix))] for i in range(2)]
+                self.to_uv = [[m[i][0], m[i][1], m[i][-1]] for i in range(2)]
+                stretch = abs(self.scale_of_uv())
+                if not (math.isfinite(stretch) and stretch > 0.0):
+                    raise ValueError(f"{name}: to_uv: {self.to_uv}: expected a transform that can be inverted")
+            self.turn_directions()
+
+        def read_colors(self, props):
+            """The textures of the yarns."""
+            name = self.PLUGIN
+            self.yarns = YARNS if self.cloth.kinds > 1 else ("",)
             if self.cloth.kinds == 1:
                 for key in (f"{yarn}{what}" for yarn in YARNS for what in COLORS):
                     if key in props:
                         raise ValueError(f"{name}: {key}: all yarns of this cloth are alike: use '{key.split('_', 1)[1]}'")
-            self.finish(props, on, (tensors["dye_rgb"], tensors["dye_spectrum"]))
+            # Of a kind of yarns, or else of all.
+            given = [yarn if any(f"{yarn}{what}" in props for what in COLORS) else "" for yarn in self.yarns]
+            for yarn in given:
+                if f"{yarn}color" in props and f"{yarn}sigma_per_um" in props:
+                    raise ValueError(f"{name}: {yarn}color: given with {yarn}sigma_per_um: give one of them")
+            made = {key: texture(name, props, key) for yarn in given for key in (f"{yarn}{what}" for what in COLORS)}
+            self.textures = {key: value for key, value in made.items() if value is not None}
+            self.colors, self.sigmas = ([self.textures.get(f"{yarn}{what}") for yarn in given] for what in COLORS)
 
-        walk = _through.walk
+        def length(self, props, key, far):
+            """A number of the far view, at least 0."""
+            name = self.PLUGIN
+            value = typed(name, props, key, float, None)
+            if value is None:
+                return None
+            if not far:
+                raise ValueError(f"{name}: {key}: given without far: set far to true")
+            if not (math.isfinite(value) and value >= 0.0):
+                raise ValueError(f"{name}: {key}: {value}: expected a number that is not negative")
+            return value
+
+        def pair(self, key, value):
+            """Two numbers, or one for both, as a differentiable point."""
+            try:
+                values = [value, value] if isinstance(value, (int, float)) else [float(_number(v)) for v in value]
+            except (TypeError, ValueError):
+                values = []
+            # Mitsuba makes three numbers of a text with two.
+            return mi.Point2f(*check_lengths(self.PLUGIN, key, value, values[:2]))
+
+        def traverse(self, callback):
+            callback.put("um_per_uv", self.um_per_uv, mi.ParamFlags.Differentiable | mi.ParamFlags.Discontinuous)
+            callback.put("dyes_per_um", self.dyes, mi.ParamFlags.Differentiable)
+            for key, value in self.textures.items():
+                callback.put(key, value, mi.ParamFlags.Differentiable)
+
+        def parameters_changed(self, keys=()):
+            name, kit = self.PLUGIN, self.kit
+            if kit.jit:
+                dr.make_opaque(self.um_per_uv)
+            scales = self.scales()
+            check_lengths(name, "um_per_uv", scales, scales)
+            check_size(name, "dyes_per_um", self.dyes, self.dye_count)
+            self.dye_table = kit.table_of(self.dyes)
+            self.turn_directions()
+
+        def scales(self):
+            """Lengths of cloth in a unit of u and of v [um], as Python's numbers."""
+            return [float(_number(detached(v))) for v in (self.um_per_uv.x, self.um_per_uv.y)]
+
+        def turn_directions(self):
+            """How directions of the surface lie in the pattern: the image of u's direction, and whether the pattern is mirrored."""
+            (a, b, _), (c, d, _) = self.to_uv or ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
+            x, y = self.scales()
+            turn = self.rotation - math.atan2(c * y, a * x)
+            self.direction_turn, self.is_mirrored = (math.cos(turn), math.sin(turn)), a * d - b * c < 0.0
+
+        # Inputs of a point
+
+        def place(self, si):
+            """Point of the cloth's plane [um]."""
+            u, v = si.uv.x, si.uv.y
+            if self.to_uv is not None:
+                (a, b, c), (d, e, f) = self.to_uv
+                u, v = a * u + b * v + c, d * u + e * v + f
+            x, y = u * self.um_per_uv.x, v * self.um_per_uv.y
+            c, s = self.turn
+            return [x * c + y * s, y * c - x * s]
+
+        def to_pattern(self, si, w):
+            """A direction of the shading frame in the pattern's. Where uv runs the other way round, so does the pattern."""
+            x, y = w.x, dr.select(self.runs_round(si), -w.y, w.y)
+            c, s = self.direction_turn
+            return [x * c + y * s, y * c - x * s, w.z]
+
+        def to_surface(self, si, w):
+            c, s = self.direction_turn
+            x, y = w[0] * c - w[1] * s, w[1] * c + w[0] * s
+            return self.kit.Vector3f(x, dr.select(self.runs_round(si), -y, y), w[2])
+
+        def runs_round(self, si):
+            """Whether the pattern is mirrored on the surface."""
+            handed = dr.dot(dr.cross(si.dp_du, si.dp_dv), si.sh_frame.n)
+            return handed > 0.0 if self.is_mirrored else handed < 0.0
+
+        def scale_of_uv(self):
+            """By how much ``to_uv`` stretches areas."""
+            if self.to_uv is None:
+                return 1.0
+            (a, b, _), (c, d, _) = self.to_uv
+            return abs(a * d - b * c)
+
+        def far_share(self, si):
+            """Share of the mean over the cell in the answer (``ClothModel::far_at``): by the footprint that is given, that of a pixel's angle and the length of the ray, or
+            that of the ray's differentials. A footprint is the geometric mean of the axes of the ellipse that it has on the cloth."""
+            kit, scale = self.kit, 1.0 if self.footprint_scale is None else self.footprint_scale
+            footprint = self.footprint_um
+            if self.footprint_rad is not None:
+                # An ellipse with the axes l and l / cos, l the pixel's width at the length of the ray; by the
+                # areas of the cloth and of the surface for the same piece of uv.
+                per_uv = dr.norm(dr.cross(si.dp_du, si.dp_dv)) * dr.maximum(dr.abs(si.wi.z), 1e-3)
+                um2_per_uv = dr.abs(self.um_per_uv.x * self.um_per_uv.y) * self.scale_of_uv()
+                squared = si.t * si.t * um2_per_uv / dr.maximum(per_uv, 1e-30)
+                footprint = self.footprint_rad * dr.sqrt(dr.detach(squared) if kit.jit else squared)
+            elif footprint is None:
+                (a, b), (c, d) = ((1.0, 0.0), (0.0, 1.0)) if self.to_uv is None else (row[:2] for row in self.to_uv)
+                x, y = ([a * v.x + b * v.y, c * v.x + d * v.y] for v in (si.duv_dx, si.duv_dy))
+                area = (x[0] * y[1] - x[1] * y[0]) * self.um_per_uv.x * self.um_per_uv.y
+                footprint = dr.sqrt(dr.abs(dr.detach(area) if kit.jit else area))
+            t = clamp(scale * footprint * (2.0 / self.longest_um) - 1.0, 0.0, 1.0)
+            # Not a number is no footprint.
+            return kit.float(dr.select(t > 0.0, t * t * (3.0 - 2.0 * t), 0.0))
+
+        def sigma_of_color(self, reflectance):
+            """Absorptions that give the cloth a color: its brightness inverted (src/color/absorption.rs)."""
+            kit, out = self.kit, self.kit.zero_s()
+            for k in range(kit.count):
+                out[k] = self.cloth.sigma_of_brightness(reflectance[k])
+            return out
+
+        def dye(self, si, dye):
+            kit, out = self.kit, self.kit.zero_s()
+            if not kit.spectral:
+                values = kit.packets(self.dye_table, dye, 1)
+                for k in range(kit.count):
+                    out[k] = values[min(k, 2)]
+                return out
+            for k in range(kit.count):
+                x = dr.minimum(dr.maximum((si.wavelengths[k] * 1e-3 - 0.38) * 200.0, 0.0), 80.0)
+                node = dr.minimum(dr.floor(x), 79.0)
+                at = dye * 81 + kit.uint(node)
+                low, high = kit.take(self.dye_table, at), kit.take(self.dye_table, at + 1)
+                out[k] = low + (x - node) * (high - low)
+            return out
 
         def mean_at(self, si, own, wo):
             """The mean over the cell seen from ``wo``, of the colors that the point has."""
@@ -84,7 +278,144 @@ def define(Surface):
             """The slit of a ply that a line hits, of a cloth with slits."""
             return None if self.slits is None else self.slits.at(hit["kind"] == 0, at["is_double"], self.lambda_um(si))
 
+        # Light
+
+        walked, chosen_ply, plies_light = _through.walked, _light.chosen_ply, _light.plies_light
+
+        def directions(self, si, *wo):
+            """Directions of the shading frame in the pattern's, without gradients."""
+            return [[dr.detach(x) if self.kit.jit else x for x in self.to_pattern(si, w)] for w in wo]
+
+        def model_eval(self, si, wo, active):
+            return self.light(si, self.walked(si, active), self.directions(si, wo))[0]
+
+        def light(self, si, at, directions):
+            """f and the density of samples in each of these directions of the pattern, of the line that was followed and of the mean over the cell."""
+            near = [self.near_light(si, at, b, sums) for b, sums in zip(directions, self.plies_light(si, at, directions))]
+            if self.far is None:
+                return near
+            share, out = at["far_share"], []
+            is_far, is_near = share > 0.0, share < 1.0
+            for b, (f, pdf) in zip(directions, near):
+                mean, density = self.far.eval(at["far"], b, self.lambda_um(si), self.gaps)
+                density = dr.detach(density) if self.kit.jit else density
+                f = dr.select(is_near, (1.0 - share) * f, 0.0) + dr.select(is_far, share * mean, 0.0)
+                out.append((f, dr.select(is_near, (1.0 - share) * pdf, 0.0) + dr.select(is_far, share * density, 0.0)))
+            return out
+
+        def near_light(self, si, at, b, sums):
+            kit, cloth = self.kit, self.cloth
+            f, density = sums
+            is_up = b[2] * at["up_sign"] >= 0.0
+            f = f + cloth.between_eval(at["about"], at["up"], at["down"], is_up, b)
+            cos = dr.minimum(dr.abs(b[2]), 1.0)
+            pdf = at["per_ply"] * density + dr.select(is_up, at["chances"][2], at["chances"][3]) * cos * (1.0 / math.pi)
+            if cloth.plies.some_edge and cloth.options["edges"]:
+                main = at["main"]
+                theta_i, h, x, z = main["q"][0], main["q"][1], main["q"][2:5], main["q"][5:8]
+                v = [dot3(a, b) for a in (x, cross3(z, x), z)]
+                light, density = cloth.plies.edge(main["model"], theta_i, h, self.lambda_um(si), v)
+                f = f + dr.select(at["is_edge"], at["passing"] * light, kit.zero_s())
+                pdf = pdf + dr.select(at["is_edge"], at["chances"][1] * density, 0.0)
+            if self.gaps is not None:
+                light, density = self.gaps.eval(at["spectra"], at["wo"], self.lambda_um(si), b)
+                f = f + dr.select(at["is_aperture"], at["passing"] * light, kit.zero_s())
+                pdf = pdf + dr.select(at["is_aperture"], at["chances"][1] * density, 0.0)
+            return f, dr.detach(pdf) if kit.jit else pdf
+
+        def model_drawn(self, si, u, active):
+            at = self.walked(si, active, is_last=True)
+            with dr.suspend_grad():
+                drawn = self.drawn(si, at, u)
+            return drawn, self.light(si, at, self.directions(si, drawn[0]))[0]
+
+        def model_both(self, si, wo, u, active):
+            at = self.walked(si, active, is_last=True)
+            with dr.suspend_grad():
+                drawn = self.drawn(si, at, u)
+            first, second = self.light(si, at, self.directions(si, wo, drawn[0]))
+            return first, drawn, second
+
+        def drawn(self, si, at, u):
+            """A direction of the line that was followed, or of the mean over the cell; whether light goes straight on, its energy and chance."""
+            if self.far is None:
+                b, straight, energy, chance = self.near_drawn(si, at, u)
+                return self.to_surface(si, b), straight, energy, chance
+            kit, share, mean = self.kit, at["far_share"], at["far"]
+            is_far = u[0] < share
+            rest = clamp((u[0] - share) / dr.maximum(1.0 - share, 1e-7), 0.0, 0.9999999)
+            b, straight, energy, chance = self.near_drawn(si, at, [rest, u[1], u[2]])
+            first = dr.minimum(u[0] / dr.maximum(share, 1e-30), 0.9999999)
+            w, through = self.far.draw(mean, self.lambda_um(si), self.gaps, [first, u[1], u[2]])
+            b = [dr.select(is_far, x, y) for x, y in zip(w, b)]
+            straight = dr.select(is_far, kit.both(through, mean["chance"] > 0.0), straight)
+            wo = [dr.select(straight, -x, y) for x, y in zip(at["wo"], b)]
+            energy, chance = self.passing_of(at), (1.0 - share) * chance + share * mean["chance"]
+            return self.to_surface(si, wo), straight, energy, chance
+
+        def passing_of(self, at):
+            """Energy that goes straight on."""
+            near = dr.select(at["is_edge"] | at["is_aperture"], 0.0, at["passing"])
+            if self.far is None:
+                return near
+            share = at["far_share"]
+            return dr.select(share < 1.0, (1.0 - share) * near, 0.0) + share * at["far"]["straight"]
+
+        def near_drawn(self, si, at, u):
+            kit, cloth = self.kit, self.cloth
+            left, found = u[0], kit.bool(False)
+            first = []
+            for chance in at["chances"]:
+                here = kit.both(kit.no(found), left < chance)
+                first.append((here, dr.minimum(left / dr.maximum(chance, 1e-30), 0.9999999)))
+                left = dr.select(found | here, left, left - chance)
+                found = found | here
+            chosen, main = self.chosen_ply(si, at, _another(kit, u)), at["main"]
+
+            def to_cloth(q, w):
+                x, z = q[2:5], q[5:8]
+                y = cross3(z, x)
+                return [x[i] * w[0] + y[i] * w[1] + z[i] * w[2] for i in range(3)]
+
+            theta_i, h = chosen["q"][:2]
+            energies = cloth.plies.energies(chosen["model"], theta_i, h)
+            sigma = self.sigma_of(si, at["own"], chosen["hit"], at["corner"])
+            w = cloth.plies.draw(chosen["model"], theta_i, h, sigma, energies, [first[0][1], u[1], u[2]], False, chosen["slit"])
+            b = to_cloth(chosen["q"], w)
+            if cloth.plies.some_edge and cloth.options["edges"]:
+                q = main["q"]
+                w = cloth.plies.edge_draw(main["model"], q[0], q[1], self.lambda_um(si), [first[1][1], u[1], u[2]])
+                b = [dr.select(first[1][0], x, y) for x, y in zip(to_cloth(q, w), b)]
+            if self.gaps is not None:
+                w = self.gaps.draw(at["spectra"], at["wo"], self.lambda_um(si), [first[1][1], u[1], u[2]])
+                b = [dr.select(kit.both(first[1][0], at["is_aperture"]), x, y) for x, y in zip(w, b)]
+            sin, cos = dr.sincos(2.0 * math.pi * u[2])
+            radius, height = dr.sqrt(u[1]), dr.sqrt(dr.maximum(1.0 - u[1], 0.0))
+            is_between = first[2][0] | first[3][0]
+            up = dr.select(first[2][0], at["up_sign"], -at["up_sign"])
+            b = [dr.select(is_between, x, y) for x, y in zip([radius * cos, radius * sin, up * height], b)]
+            straight = kit.both(kit.no(found), at["straight"] > 0.0)
+            b = [dr.select(found, x, -y) for x, y in zip(b, at["wo"])]
+            return b, straight, at["passing"], at["straight"]
+
+        def eval_null_transmission(self, si, active=True):
+            return self.kit.S(self.passing_of(self.walked(si, active)))
+
         def to_string(self):
             return f"plywave_cloth[cell = {self.cloth.cell} um, um_per_uv = {self.um_per_uv}]"
 
     return Cloth
+
+
+def _number(x):
+    """A Python number of a scalar or an array of one."""
+    return x if isinstance(x, (int, float)) else np.asarray(x).ravel()[0]
+
+
+def _another(kit, u):
+    """A random number made of the bits of two others."""
+    if kit.jit:
+        bits = [dr.reinterpret_array(kit.UInt, kit.Float(x)) for x in u[:2]]
+        return mi.sample_tea_float32(bits[0], bits[1], 4)
+    bits = [int(np.float32(x).view(np.uint32)) for x in u[:2]]
+    return float(mi.sample_tea_float32(bits[0], bits[1], 4))

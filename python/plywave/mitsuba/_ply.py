@@ -1,7 +1,7 @@
 """Ply models in Dr.Jit: f_refl + f_high of interpolated lobes, edge light (Yu 2025, Eq. 8 and 18).
 
 The tables are those of the model files (docs/reference/format/models.md) and the formulas those of ``src/ply``: ``grid_cell.rs``, ``interpolate.rs``, ``energy.rs``, ``mixture.rs``, ``edge.rs``,
-``exits.rs``; ``_lobes.py`` has a lobe's. The files of several models lie behind each other in the same tables; a number tells them apart at run time, so that a fabric of many yarns is one piece of code.
+``exits.rs``; ``_lobes.py`` has a lobe's. The files of several models lie behind each other in the same tables; a number tells them apart at run time, so that a cloth of two kinds of yarns is one piece of code.
 """
 
 import json

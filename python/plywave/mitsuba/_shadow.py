@@ -1,20 +1,18 @@
-"""Shadows of yarns on their neighbors in Dr.Jit (``src/fabric/shadow.rs``, ``at.rs``)."""
+"""Shadows of yarns on their neighbors in Dr.Jit (``src/cloth/shadow.rs``, ``shade.rs``)."""
 
 import math
 
 import drjit as dr
 
-from ._kit import clamp, cross3, dot3
+from ._kit import clamp
 
 TAU = 2.0 * math.pi
-# src/fabric/shade.rs
-PARTS, MIN_SHARE = 6, 2e-3
 # src/ply/data/exits.rs
 EXIT_KINDS, MEANS, MAX_MEAN = 3, 65, 0.97
 # src/ply/lines.rs
 PASSED_ROWS, PASSED_COLUMNS = 16, 65
-# src/fabric/shadow.rs
-PLACES, BANDS, COLUMNS, OFFSETS = (4, 8), 8, 16, 7
+# src/cloth/shadow.rs
+BANDS, COLUMNS, OFFSETS = 8, 16, 7
 ROWS = BANDS + 1
 SIZE = 2 * ROWS * COLUMNS
 MAX_SHARE = 1.35
@@ -31,34 +29,7 @@ def two_thirds(z):
 
 
 class Shadows:
-    """Chances that light of a ply gets out of the cloth. The tables are those of ``Cloth``."""
-
-    def shadow_rows(self, hit, s):
-        """Two rows of the table and their shares, of light that leaves ``s`` radii further along the ply."""
-        is_warp = hit["is_warp"]
-        per_radius = self.of_family("radius", is_warp) * dr.select(is_warp, hit["frame"][2][1], hit["frame"][2][0])
-        x = (hit["along"] + s * per_radius) * self.of_family("places_per_um", is_warp)
-        whole, place = self.kit.floor(x)
-        return [(self.shadow_row(hit, place), 1.0 - (x - whole)), (self.shadow_row(hit, place + 1), x - whole)]
-
-    def shadow_row(self, hit, place):
-        kit = self.kit
-        is_warp = hit["is_warp"]
-        if self.patterns is None:
-            of_warp, of_weft = (y["places"] * other for y, other in zip(self.yarn, (self.picks, self.ends)))
-            warp = self.modulo(hit["yarn"], self.ends) * of_warp + self.modulo(place, of_warp)
-            weft = of_warp * self.ends + self.modulo(hit["yarn"], self.picks) * of_weft + self.modulo(place, of_weft)
-            return dr.select(is_warp, warp, weft)
-        places = kit.int(self.of_family("places", is_warp))
-        phase = place & (places - 1)
-        crossing, phase = (place - phase) // places, kit.uint(phase)
-        bits = kit.uint(0)
-        before, behind = (self.sides(is_warp, hit["yarn"], crossing + c) for c in (-1, 1))
-        for n in range(3):
-            yarn = ((before >> (2 * n)) & 1) * 4 + ((before >> (2 * n + 1)) & 1) * 2 + ((behind >> (2 * n)) & 1)
-            bits = bits * 8 + yarn
-        family = dr.select(is_warp, kit.uint(0), kit.uint(1))
-        return kit.take_word(self.patterns, (family * PLACES[1] + phase) * 512 + bits)
+    """Chances that light of a ply gets out of the cloth. The tables are those of ``Curves``."""
 
     def shadow_direction(self, b):
         """Rows and columns of the table around a direction and their weights."""
@@ -115,81 +86,23 @@ class Shadows:
         e = dr.exp2(-dr.abs(t) * per)
         return (dr.select(t < 0.0, e, 2.0 - e) - tail) * per_all
 
-    def within(self, free, density, off, scale):
-        """The mean of what is free at the offsets of a yarn, of light that leaves a ply so."""
+    def within(self, free, density):
+        """The mean of what is free at the offsets of a ply, of light that leaves it so."""
         total, before = 0.0, 1.0
         for o, value in enumerate(free):
-            after = self.below(density, off - (2.0 * (o + 1) / OFFSETS - 1.0) / scale) if o + 1 < OFFSETS else 0.0
+            after = self.below(density, 1.0 - 2.0 * (o + 1) / OFFSETS) if o + 1 < OFFSETS else 0.0
             total = total + (before - after) * value
             before = after
         return total
 
-    def free(self, hit, model, b, lines, around, counts):
-        """Shares of single reflection, of other light of clear fibers and of dark ones that get out in direction ``b``."""
+    def free(self, hit, model, lines, around, counts):
+        """Shares of single reflection, of other light of clear fibers and of dark ones that get out in the direction that ``around`` is of."""
         refl, clear, dark = lines
-        off, further, scale = self.off_yarn(hit, b)
-        narrow = self.free_at(hit, 0.5 * (refl[1] + dark[1]) + further, around)
-        wide = self.free_at(hit, clear[1] + further, around)
+        narrow = self.free_at(hit, 0.5 * (refl[1] + dark[1]), around)
+        wide = self.free_at(hit, clear[1], around)
         exits = [self.exit_density(model, kind, line[0]) for kind, line in enumerate(lines)]
-        shares = [self.within(free, exit, off, scale) for free, exit in zip((narrow, wide, narrow), exits)]
-        if self.some_one_by_one:
-            shares = [a * b for a, b in zip(shares, self.pass_plies(hit, model, b, lines, exits))]
+        shares = [self.within(free, exit) for free, exit in zip((narrow, wide, narrow), exits)]
         return [dr.select(counts, x, 1.0) for x in shares]
-
-    def off_yarn(self, hit, b):
-        """How far a ply's axis lies from its yarn's, across and along direction ``b``, over the ply's radius, and that radius over half of the yarn's width."""
-        is_warp = hit["is_warp"]
-        scale = self.of_family("radius", is_warp) / self.of_family("half_width", is_warp)
-        if self.most_plies == 1:
-            return 0.0, 0.0, scale
-        z, radius = hit["frame"][2], self.of_family("radius", is_warp)
-        p = [v / radius for v in hit["off_axis"]]
-        bz = dot3(b, z)
-        per_sine = dr.rsqrt(dr.maximum(1.0 - bz * bz, 0.02))
-        return dot3(p, cross3(b, z)) * per_sine, -(dot3(p, b) - bz * dot3(p, z)) * bz * per_sine * per_sine, scale
-
-    def pass_plies(self, hit, model, b, lines, exits):
-        """What the other plies of a yarn let pass of light that leaves its ply so (src/fabric/shade.rs)."""
-        kit, is_warp, z, t = self.kit, hit["is_warp"], hit["frame"][2], hit["yarn_axis"]
-        radius = self.of_family("radius", is_warp)
-        p = [v / radius for v in hit["off_axis"]]
-
-        def turned(v, c, s):
-            w, along = cross3(t, v), (1.0 - c) * dot3(t, v)
-            return [c * v[i] + s * w[i] + along * t[i] for i in range(3)]
-
-        x = cross3(b, z)
-        per_x = 1.0 / dr.maximum(dr.sqrt(dot3(x, x)), 1e-3)
-        edges = [2.0 * part / PARTS - 1.0 for part in range(PARTS + 1)]
-        parts = []
-        for density in exits:
-            below = [self.below(density, edge) for edge in edges]
-            share = [y - x for x, y in zip(below, below[1:])]
-            parts.append([dr.select(x > MIN_SHARE, x, 0.0) for x in share])
-        lines = [([p[i] + further * z[i] for i in range(3)], [aside * per_x * x[i] for i in range(3)]) for aside, further in lines]
-        shares = [kit.float(1.0)] * len(exits)
-        several = self.of_family("one_by_one", is_warp) > 0.5
-        for n, (c, s) in enumerate(self.places_of_plies(is_warp)):
-            if n == 0:
-                continue
-            here = kit.both(several, n < self.of_family("plies", is_warp))
-            center, axis = turned(p, c, s), turned(z, c, s)
-            across, along = cross3(b, axis), dot3(b, axis)
-            sine = dr.maximum(dr.sqrt(dot3(across, across)), 1e-3)
-            theta = dr.atan2(along, sine)
-            slope = -per_x * dot3(x, across) / sine
-            half = dr.maximum(dr.abs(slope), 0.1) * (radius / PARTS)
-            for i, (start, aside) in enumerate(lines):
-                middle = [start[k] - center[k] for k in range(3)]
-                off = [middle[k] - aside[k] for k in range(3)]
-                is_ahead = kit.both(here, along * dot3(off, axis) > dot3(off, b))
-                h = dot3(middle, across) / sine
-                total = 0.0
-                for edge, share in zip(edges, parts[i]):
-                    at = radius * (h + slope * (edge + 1.0 / PARTS))
-                    total = total + share * self.passed_mean(model, theta, at - half, at + half)
-                shares[i] = dr.select(is_ahead, shares[i] * total / sum(parts[i]), shares[i])
-        return shares
 
     def passed_mean(self, model, theta, low, high):
         """The mean of r_d over offsets from ``low`` to ``high`` (src/ply/lines.rs)."""

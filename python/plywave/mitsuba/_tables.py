@@ -1,4 +1,4 @@
-"""Tables of fabrics and of cloths of curves on the device: ply models, shadows, light between yarns, brightness (``src/fabric/tensors.rs``, ``src/cloth/tensors.rs``)."""
+"""Tables of a cloth on the device: ply models, shadows, light between yarns, brightness (``src/cloth/tensors.rs``)."""
 
 import math
 
@@ -10,12 +10,12 @@ from ._kit import clamp
 from ._ply import Plies, read_container
 from ._shadow import MEAN_Z, PASSED_COLUMNS, PASSED_ROWS, Shadows
 
-# src/fabric/bsdf.rs, hit.rs
+# src/cloth/model.rs, bsdf.rs
 MIN_CAUGHT, MAX_NEAR = 1e-3, 4
 
 
 class Tables(Shadows, Between):
-    """What lies between the plies of a cloth, however they are found."""
+    """What lies between the plies of a cloth."""
 
     def __init__(self, kit, tensors):
         self.kit = kit

@@ -1,17 +1,49 @@
 """The plies that a line through a cloth of curves hits, and the light that they scatter, in Dr.Jit (``src/cloth/model.rs``).
 
 The hits are found without gradients (``_lines.py``). Where colors or the scale of uv have gradients, what the kept plies scatter is evaluated once more, one after the other.
+
+Mitsuba 3.9 does not hand ``eval_pdf_sample`` on to plugins in Python: it calls ``eval_pdf`` and then ``sample``, of the same point. So what a line meets is kept until the next line,
+while kernels are recorded; the variables that describe a point identify it.
 """
 
 import drjit as dr
 
 from ._kit import detached
-from ._moved import ratio
+from ._light import KEPT, answer, entry
 from ._tables import MAX_NEAR, MIN_CAUGHT
-from ._walk import KEPT, _of, answer
 
 # src/cloth/model.rs, plies.rs
 MIN_OWN, CLASSES_A_KIND, OFF = 0.05, 4, 0.05
+
+
+def walked(self, si, active, is_last=False):
+    """:func:`walk`, or what it found before of the same point; kept for the next call but for the last of a point."""
+    if not (self.kit.jit and dr.flag(dr.JitFlag.SymbolicScope)):
+        return walk(self, si, active)
+    inputs = [self.kit.bool(active), si.wi, si.uv, si.dp_du, si.dp_dv, si.sh_frame.n, si.t, si.duv_dx, si.duv_dy, si.p, si.prim_index, si.wavelengths, si.time]
+    variables = list(_variables(inputs))
+    # Where gradients are suspended, the answer has none.
+    key = ([(v.index, getattr(v, "index_ad", 0)) for v in variables], dr.grad_enabled(self.probe))
+    last, self.last = self.last, None
+    at = last[2] if last is not None and last[0] == key else walk(self, si, active)
+    if not is_last and not dr.grad_enabled(at["up"], at["down"], self.um_per_uv, *(x for x in at["own"] if x is not None)):
+        # Results with gradients are not kept. The variables are kept too, so that their numbers are not
+        # reused.
+        self.last = (key, variables, at)
+    return at
+
+
+def _variables(value):
+    """All Dr.Jit variables of arrays in a list."""
+    if isinstance(value, list):
+        for v in value:
+            yield from _variables(v)
+    elif dr.is_array_v(value):
+        if dr.depth_v(value) > 1:
+            for i in range(len(value)):
+                yield from _variables(value[i])
+        else:
+            yield value
 
 
 def walk(self, si, active):
@@ -60,7 +92,7 @@ def walk(self, si, active):
 
     def body(s):
         s, i = dict(s), s["i"]
-        where = {key: _of(found[key], i) for key in cloth.WHERE}
+        where = {key: entry(found[key], i) for key in cloth.WHERE}
         hit = cloth.hit_at(where, start, d)
         model, theta_i, h = cloth.model_of(hit), hit["theta_i"], hit["h"]
         energies = cloth.plies.energies(model, theta_i, h)
@@ -159,3 +191,9 @@ def again(self, si, own, start, d, s, last_kept, more, corner):
         arriving.append(arrives)
     s["passing"] = product * ratio(s["passing"], product)
     return s | {"kept": kept | {"arrives": arriving}, "classes": classes, "plies": plies, "main": main}
+
+
+def ratio(value, product):
+    """What a product without gradients is multiplied by for a value."""
+    product = dr.detach(product)
+    return dr.select(product > 1e-20, value / dr.maximum(product, 1e-20), 1.0)

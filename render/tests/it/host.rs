@@ -62,7 +62,7 @@ impl Surface for Diffuse {
 fn facts() -> Facts {
     Facts {
         software: "plywave 0".into(),
-        fabric: "Leinen, gr\u{fc}n".into(),
+        cloth: "Leinen, gr\u{fc}n".into(),
         spec: "linen.toml".into(),
         digest: "sha256:00".into(),
         scene: "drape".into(),
@@ -247,7 +247,7 @@ fn exr_files_tell_what_they_are_of() {
     let latin = |bytes: &[u8]| bytes.iter().map(|b| char::from(*b)).collect::<String>();
     for (name, want) in [
         ("software", "plywave 0"),
-        ("plywave.fabric", "Leinen, gr\u{fc}n"),
+        ("plywave.cloth", "Leinen, gr\u{fc}n"),
         ("plywave.digest", "sha256:00"),
         ("plywave.seed", "3"),
         ("plywave.samples", "7"),

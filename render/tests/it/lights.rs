@@ -1,13 +1,14 @@
 //! Every lamp and sky against a closed form: light on a diffuse sheet by its irradiance (of rectangles,
 //! Lambert's formula for polygons; of a sky's texel, the integral of the cosine), light in a narrow lobe by
-//! its radiance, a fabric by comparison of strategies. Each by directions drawn from the lights, by
+//! its radiance, a cloth by comparison of strategies. Each by directions drawn from the lights, by
 //! scattering, and by both, within five standard errors computed from the picture's own pixels.
 
+use crate::small_cloth;
 use glam::{DVec3, Vec3};
 use plywave::bsdf::{DirectionSample, Outcomes};
-use plywave::fabric::FabricOptions;
+use plywave::cloth::ClothOptions;
 use plywave::fiber::{DielectricFiber, DielectricParameters};
-use plywave::{Bsdf, BsdfSample, FabricModel};
+use plywave::{Bsdf, BsdfSample};
 use plywave_render::{
     Basis, Camera, Environment, Film, FilmView, Light, LightSampling, Mesh, Prop, RenderOptions, Scene, Shape,
     StrandFiber, StrandScene, StrandShape, Strands, Surface, render, render_strands,
@@ -332,20 +333,19 @@ fn lamps_and_a_sky_add_up() {
     }
 }
 
-/// A fabric is white under an even sky, and its light is linear in the sky's; under lamps and suns all
+/// A cloth is white under an even sky, and its light is linear in the sky's; under lamps and suns all
 /// strategies agree.
 #[test]
-fn fabrics_are_lit_in_proportion_and_alike_in_all_ways() {
-    let path = format!("{}/../fabrics/cotton_plain.toml", env!("CARGO_MANIFEST_DIR"));
+fn cloths_are_lit_in_proportion_and_alike_in_all_ways() {
     // By rays: diffracted light has lobes so narrow that directions drawn from a whole sky miss them.
-    let options = FabricOptions { sigma_per_um: Some(0.0), noise: false, ..FabricOptions::RAYS };
-    let fabric = FabricModel::load(&path, &options).unwrap();
+    let options = ClothOptions { sigma_per_um: Some(0.0), noise: false, ..ClothOptions::RAYS };
+    let cloth = small_cloth::cloth(&small_cloth::RED_BLUE, &options);
     let camera = Camera::new(Vec3::new(-6.0, 3.0, 10.0), Vec3::ZERO, Vec3::Y, 0.2);
     let shown = |lights: &[Light], sky: &Environment, way, samples| {
         let mut film = Film::new(SIDE, SIDE).unwrap();
         let options = RenderOptions { samples, depth: 8, seed: 9 };
         let scene = scene(lights, sky, way);
-        render(&scene, &camera, &fabric, &mut film, &options, &AtomicBool::new(false), &mut |_| Ok(())).unwrap();
+        render(&scene, &camera, &cloth, &mut film, &options, &AtomicBool::new(false), &mut |_| Ok(())).unwrap();
         film
     };
     let one = shown(&[], &Environment::constant(1.0), LightSampling::Both, 4);

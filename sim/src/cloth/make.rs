@@ -8,7 +8,7 @@ use super::woven::{MAX_NODES, Start, woven};
 use crate::error::SimError;
 use plywave::Error;
 use plywave::cloth::{Buckets, ClothCurves, ClothSpec, ClothWeave, Lattice, PlyCurve, YarnOfCloth};
-use plywave::fabric::{Draft, WeaveSpec, Wif};
+use plywave::cloth::{Draft, WeaveSpec, Wif};
 
 /// Largest unbalanced force of a relaxed cloth, over the mean tension of a strand.
 const MAX_FORCE: f64 = 0.05;
@@ -34,6 +34,9 @@ pub struct MadeCloth {
     pub colors: [Vec<[f32; 3]>; 2],
 }
 
+/// Spacings that are taken from a WIF [um]: programs that leave it to a default write all kinds of numbers.
+const SPACING_UM: std::ops::RangeInclusive<f64> = 10.0..=1e5;
+
 /// Makes the curves of a cloth. `read` gives the bytes of the file that a spec names, of a WIF or of curves;
 /// `go_on` is asked at every step of the relaxation and may stop it.
 ///
@@ -55,12 +58,12 @@ pub fn make_cloth(
     };
     match made {
         ClothWeave::Woven(weave, yarns) => {
-            let mut in_wif = <[Vec<[f32; 3]>; 2]>::default();
+            let (mut in_wif, mut spacings) = (<[Vec<[f32; 3]>; 2]>::default(), [None, None]);
             let draft = match weave {
                 WeaveSpec::Wif { file: wif } => {
                     let wif = Wif::parse(&read(wif)?, wif)?;
                     notes.extend(wif.notes.iter().map(ToString::to_string));
-                    in_wif = [wif.warp_srgb, wif.weft_srgb];
+                    (in_wif, spacings) = ([wif.warp_srgb, wif.weft_srgb], wif.spacing);
                     // Colors need not repeat as the weave does.
                     wif.draft.reduced()
                 }
@@ -73,10 +76,27 @@ pub fn make_cloth(
                 let value = format!("{} {} lies {side} all others", set.name(), thread + 1);
                 return Err(invalid("weave", value, "it cannot be woven: bind every yarn".into()));
             }
-            if draft != Draft::layers() {
+            // Notes of a WIF have it, by the file's numbers of threads.
+            if draft != Draft::layers() && !matches!(weave, WeaveSpec::Wif { .. }) {
                 notes.extend(draft.layers_note());
             }
-            let spacing = yarns.map(|yarn| yarn.spacing_um().unwrap_or(1.0));
+            let mut spacing = [1.0; 2];
+            for (k, key) in ["warp.ends_per_cm", "weft.picks_per_cm"].into_iter().enumerate() {
+                spacing[k] = match (yarns[k].spacing_um(), &spacings[k]) {
+                    (Some(own), _) => own,
+                    (None, Some(given)) if SPACING_UM.contains(&given.um) => {
+                        notes.push(format!("{key} = {:.1} from {}", 1e4 / given.um, given.source));
+                        given.um
+                    }
+                    (None, given) => {
+                        let hint = match given {
+                            None => "give this key; the WIF has no Spacing and no Thickness for it".into(),
+                            Some(given) => format!("give this key; {} in the WIF is {:.1} um", given.source, given.um),
+                        };
+                        return Err(invalid(key, "(absent)".into(), hint));
+                    }
+                };
+            }
             let nodes = super::woven::nodes(&draft, yarns, spacing);
             if nodes > MAX_NODES {
                 let value = format!("{nodes:.1e} nodes");

@@ -4,8 +4,7 @@
 //! from end to end, and not five of each.
 
 use super::relax::{Chain, Elements};
-use plywave::cloth::{ClothYarn, Lattice, YarnOfCloth};
-use plywave::fabric::Draft;
+use plywave::cloth::{ClothYarn, Draft, Lattice, YarnOfCloth};
 use std::f64::consts::{PI, TAU};
 
 /// Length of an element over its strand's radius: of plies, and of bundles.

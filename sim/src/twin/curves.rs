@@ -8,7 +8,6 @@
 
 use super::domain::{Domain, MAX_QUADS, PitchUsed, outline_share};
 use super::options::TwinMesh;
-use super::strand::V3;
 use super::sweep::{ClothMesh, ThreadOfFiber, ring};
 use crate::error::SimError;
 use crate::geometry::outline::Outline;
@@ -16,8 +15,7 @@ use crate::geometry::section::PlySection;
 use crate::simulate::stream;
 use nalgebra::Rotation2;
 use plywave::Error;
-use plywave::cloth::{ClothCurves, Lattice, PlyCurve};
-use plywave::fabric::YarnSet;
+use plywave::cloth::{ClothCurves, Lattice, PlyCurve, YarnSet};
 use plywave::math::vec3::{cross, dot, sub, unit};
 use plywave::spec::YarnSpec;
 use rand::RngExt;
@@ -25,6 +23,9 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet};
 use std::f64::consts::TAU;
+
+/// A vector of three.
+type V3 = [f64; 3];
 
 /// Difference of two numbers of the same cloth, over them.
 const SAME: f64 = 1e-6;
@@ -218,7 +219,7 @@ impl TwinCurves {
         let spec_um = self.yarns[of.kind].ply.fiber_pitch_um?;
         let path = Path::new(self, of, &TwinMesh::default(), self.yarns[of.kind].ply.twist_per_um());
         let used_um = TAU / path.twist.abs().max(1e-12);
-        Some(PitchUsed { family: YarnSet::EACH[of.kind.min(1)], of_plies: false, spec_um, used_um })
+        Some(PitchUsed { family: YarnSet::EACH[of.kind.min(1)], spec_um, used_um })
     }
 
     /// Place of a combination of vectors on the torus of the domain, as two whole numbers.
@@ -339,7 +340,7 @@ impl TwinCurves {
         for (fiber, id) in section.fibers.iter().zip(0..) {
             let family = YarnSet::EACH[of.kind.min(1)];
             let (spec, second) = (of.kind as u32, fiber.second);
-            mesh.fibers.push(ThreadOfFiber { family, yarn: of.yarn, ply: number, spec, second, across: 0.0 });
+            mesh.fibers.push(ThreadOfFiber { family, yarn: of.yarn, ply: number, spec, second });
             for (outline, lumen) in std::iter::once((&fiber.outer, 0)).chain(fiber.lumen.as_ref().map(|l| (l, 1))) {
                 let ring = ring(fiber, outline, lumen == 1, turn, options);
                 let is_round = matches!(outline, Outline::Circle { .. });

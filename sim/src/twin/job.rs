@@ -1,7 +1,6 @@
 //! The twin as a job: shard `v S + s` is the s-th of the S shards of view v. A shard's random numbers depend
 //! on the seed and its number alone.
 
-use super::cloth::TwinCloth;
 use super::curves::TwinCurves;
 use super::domain::Domain;
 use super::options::TwinOptions;
@@ -19,11 +18,7 @@ use std::sync::atomic::AtomicBool;
 /// # Errors
 /// As [`TwinJob::new`] and [`ClothTracer::new`]; [`SimError::Interrupted`] when stopped, errors of the parts
 /// folder.
-pub fn twin(
-    cloth: &(impl Into<TwinSource> + Clone),
-    options: &TwinOptions,
-    run: Run<'_>,
-) -> Result<ClothTwin, SimError> {
+pub fn twin(cloth: &TwinCurves, options: &TwinOptions, run: Run<'_>) -> Result<ClothTwin, SimError> {
     runs::run(&TwinJob::new(cloth.clone(), options)?, run)
 }
 
@@ -38,68 +33,9 @@ pub struct TwinSize {
     pub memory_bytes: usize,
 }
 
-/// A cloth to trace.
-#[derive(Clone, Debug)]
-pub enum TwinSource {
-    /// A fabric of yarns on Peirce's arcs.
-    Fabric(Box<TwinCloth>),
-    /// Curves.
-    Curves(Box<TwinCurves>),
-}
-
-impl From<TwinCloth> for TwinSource {
-    fn from(cloth: TwinCloth) -> TwinSource {
-        TwinSource::Fabric(Box::new(cloth))
-    }
-}
-
-impl From<TwinCurves> for TwinSource {
-    fn from(cloth: TwinCurves) -> TwinSource {
-        TwinSource::Curves(Box::new(cloth))
-    }
-}
-
-impl TwinSource {
-    fn text(&self) -> &str {
-        match self {
-            TwinSource::Fabric(cloth) => cloth.text(),
-            TwinSource::Curves(cloth) => cloth.text(),
-        }
-    }
-
-    fn name(&self) -> &str {
-        match self {
-            TwinSource::Fabric(cloth) => &cloth.name,
-            TwinSource::Curves(cloth) => &cloth.name,
-        }
-    }
-
-    /// Size of a repeat along x and y [um].
-    fn repeat_um(&self) -> [f64; 2] {
-        match self {
-            TwinSource::Fabric(cloth) => cloth.fabric.repeat_um(),
-            TwinSource::Curves(cloth) => cloth.repeat_um(),
-        }
-    }
-
-    fn domain(&self, options: &TwinOptions) -> Domain {
-        match self {
-            TwinSource::Fabric(cloth) => Domain::new(cloth, options.repeats, &options.mesh),
-            TwinSource::Curves(cloth) => cloth.domain(options.repeats, &options.mesh),
-        }
-    }
-
-    fn tracer(&self, domain: &Domain, options: &TwinOptions) -> Result<ClothTracer, SimError> {
-        match self {
-            TwinSource::Fabric(cloth) => ClothTracer::new(cloth, domain, &options.mesh, options.seed),
-            TwinSource::Curves(cloth) => ClothTracer::from_curves(cloth, domain, &options.mesh, options.seed),
-        }
-    }
-}
-
 /// A twin as a job.
 pub struct TwinJob {
-    cloth: TwinSource,
+    cloth: TwinCurves,
     options: TwinOptions,
     domain: Domain,
     tracer: OnceLock<ClothTracer>,
@@ -113,8 +49,7 @@ impl TwinJob {
     ///
     /// # Errors
     /// [`SimError::Option`] for options out of range.
-    pub fn new(cloth: impl Into<TwinSource>, options: &TwinOptions) -> Result<TwinJob, SimError> {
-        let cloth = cloth.into();
+    pub fn new(cloth: TwinCurves, options: &TwinOptions) -> Result<TwinJob, SimError> {
         let refuse = |name, value, allowed| Err(SimError::Option { name, value, allowed });
         let unit = |v: &[f64; 3]| (v.iter().map(|x| x * x).sum::<f64>() - 1.0).abs() < 1e-9 && v[2].abs() > 1e-3;
         let absorbs = |s: &[f64; 2]| s.iter().all(|s| (0.0..=1e6).contains(s));
@@ -140,19 +75,19 @@ impl TwinJob {
         if let Some(side) = (0..2).map(|k| sides[k] * repeats[k]).find(|side| side.is_nan() || *side > LONGEST_UM) {
             return refuse("repeats", side as usize, "so many that the sides are 200000 um at most");
         }
-        let domain = cloth.domain(options);
+        let domain = cloth.domain(options.repeats, &options.mesh);
         Ok(TwinJob { cloth, options: options.clone(), domain, tracer: OnceLock::new() })
     }
 
     /// The job of a description.
     ///
     /// # Errors
-    /// [`SimError::Merge`] and those of the cloth.
+    /// [`SimError::Merge`] for text that is not of curves; those of the cloth.
     pub(crate) fn from_description(description: &Description) -> Result<TwinJob, SimError> {
-        let cloth = match TwinCurves::parse(&description.spec) {
-            Some(cloth) => TwinSource::from(cloth?),
-            None => TwinSource::from(TwinCloth::parse(&description.spec)?),
-        };
+        let cloth = TwinCurves::parse(&description.spec).ok_or_else(|| SimError::Merge {
+            what: "the text of the cloth: not one of curves".into(),
+            hint: "read it with the program that wrote it".into(),
+        })??;
         TwinJob::new(cloth, &description.parse_options()?)
     }
 
@@ -174,7 +109,7 @@ impl TwinJob {
         if let Some(tracer) = self.tracer.get() {
             return Ok(tracer);
         }
-        let tracer = self.cloth.tracer(&self.domain, &self.options)?;
+        let tracer = ClothTracer::new(&self.cloth, &self.domain, &self.options.mesh, self.options.seed)?;
         Ok(self.tracer.get_or_init(|| tracer))
     }
 }
@@ -239,7 +174,7 @@ impl Job for TwinJob {
         ClothTwin {
             spec_text: self.cloth.text().into(),
             program_version: env!("CARGO_PKG_VERSION").into(),
-            name: self.cloth.name().into(),
+            name: self.cloth.name.clone(),
             seed: options.seed,
             repeat_um: self.cloth.repeat_um(),
             repeats: self.domain.repeats,

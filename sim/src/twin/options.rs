@@ -27,7 +27,7 @@ impl Default for TwinMesh {
 /// Options of a twin.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct TwinOptions {
-    /// Unit directions that the light comes from, in the fabric's frame; z below 0 is from the back.
+    /// Unit directions that the light comes from, in the cloth's frame; z below 0 is from the back.
     pub views: Vec<[f64; 3]>,
     /// Pairs of absorptions of warp and weft [1/um].
     pub sigma_per_um: Vec<[f64; 2]>,
@@ -41,7 +41,8 @@ pub struct TwinOptions {
     pub bins: SphereBins,
     /// Pixels per side of the image of the repeat.
     pub image: u32,
-    /// Repeats along x and y; `None`: the fewest that keep the change of the pitches under 10 %.
+    /// Repeats along x and y; `None`: the same number along both, the least that gives four yarns of each
+    /// set, 8 at most, and fewer if memory is short.
     pub repeats: Option<[u32; 2]>,
     /// The triangles.
     pub mesh: TwinMesh,

@@ -1,32 +1,30 @@
 //! Tests of the twin against the simulation of a single ply, which shares only the packed section with it.
 
-use super::cloth::TwinCloth;
-use super::domain::Domain;
-use super::options::TwinMesh;
+use super::curves::TwinCurves;
+use super::job::TwinJob;
+use super::options::{TwinMesh, TwinOptions};
 use super::tracer::ClothTracer;
+use crate::error::SimError;
 use crate::geometry::section::PlySection;
 use crate::rays::dielectric::RoughDielectric;
 use crate::rays::path::{PathEnd, trace_path, walk};
 use crate::rays::screw::ScrewTracer;
+use crate::runs::Description;
 use crate::simulate::stream;
 use nalgebra::{Rotation3, Vector3};
-use plywave::fabric::{Draft, Fabric, YarnShape};
-use plywave::spec::{Handedness, POLYESTER, YarnSpec};
+use plywave::cloth::{ClothCurves, ClothYarn, Lattice, PlyCurve};
+use plywave::spec::{POLYESTER, YarnSpec};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 
-fn layers(spacing_um: [f64; 2]) -> TwinCloth {
-    let shape = |spacing_um| YarnShape {
-        plies: 1,
-        ply_radius_um: 50.0,
-        ply_pitch_um: None,
-        handedness: Handedness::Z,
-        spacing_um,
-        crimp: 0.5,
-        d_cut_um: 0.0,
-    };
-    let fabric = Fabric::new(Draft::layers(), spacing_um.map(shape)).unwrap();
-    TwinCloth::new("layers", fabric, vec![POLYESTER.into()], [vec![0], vec![0]]).unwrap()
+/// One straight ply along y, in the middle of a cell that is 4000 um wide.
+fn lone_ply() -> TwinCurves {
+    let cell_um = [[4000.0, 0.0], [0.0, 100.0]];
+    let points: Vec<[f64; 3]> = (0..4).map(|i| [2000.0, 25.0 * f64::from(i), 0.0]).collect();
+    let curve = PlyCurve::through(0, 50.0, [0, 1], &points, &Lattice::new(cell_um).unwrap());
+    let yarn = ClothYarn { kind: 0, number: 0, step: [1, 0], period: [0, 1] };
+    let curves = ClothCurves { cell_um, yarns: vec![yarn], curves: vec![curve] };
+    TwinCurves::new("ply", curves, vec![POLYESTER.into()]).unwrap()
 }
 
 /// Means over paths of light onto a ply: missed, reflected without entering a fiber, absorbed-weighted light
@@ -75,9 +73,9 @@ impl Tally {
 #[test]
 #[ignore = "slow: 10 s: a lone ply scatters as in its own simulation"]
 fn a_lone_ply_scatters_as_in_its_own_simulation() {
-    let cloth = layers([4000.0, 100.0]);
-    let mut domain = Domain::new(&cloth, Some([1, 8]), &TwinMesh::default());
-    domain.yarns = [1, 0];
+    let cloth = lone_ply();
+    let domain = cloth.domain(Some([1, 8]), &TwinMesh::default());
+    assert_eq!((domain.size_um, domain.yarns), ([4000.0, 800.0], [1, 0]));
     let mesh = TwinMesh { outline_points: 64, turn_rad: 0.05, ..TwinMesh::default() };
     let tracer = ClothTracer::new(&cloth, &domain, &mesh, 7).unwrap();
     let spec = YarnSpec::parse(POLYESTER, "polyester.toml").unwrap();
@@ -90,9 +88,9 @@ fn a_lone_ply_scatters_as_in_its_own_simulation() {
         let (mut twin, mut ply) = (Tally::default(), Tally::default());
         for _ in 0..paths {
             let (x, along, turn): (f32, f32, f32) = (100.0 * rng.random::<f32>() - 50.0, rng.random(), rng.random());
-            // The warp yarn's frame: across is -x, up is z, along is y; its axis lies at a height of 50.
+            // The ply's axis is the middle of the domain: across is -x, up is z, along is y.
             let dir = Vector3::new(0.0, -theta.sin(), -theta.cos());
-            let pos = Vector3::new(x, 800.0 * (along - 0.5), 50.0) - dir * 60.0 / theta.cos();
+            let pos = Vector3::new(x, 800.0 * (along - 0.5), 0.0) - dir * 60.0 / theta.cos();
             let end =
                 walk(|p, d, m| tracer.trace(p, d, m), |fiber| tracer.surface(fiber), pos, dir, &mut rng, |_, _, _| ());
             twin.add(end, Vector3::z(), Vector3::y());
@@ -111,5 +109,18 @@ fn a_lone_ply_scatters_as_in_its_own_simulation() {
                 "theta {theta}, {name}: twin {a:.5}, ply {b:.5}, tolerance {tolerance:.5}"
             );
         }
+    }
+}
+
+#[test]
+fn text_of_another_kind_is_refused_in_one_line() {
+    let cloth = lone_ply();
+    let job = |text: &str| TwinJob::from_description(&Description::new("twin", &TwinOptions::default(), text));
+    assert!(job(cloth.text()).is_ok());
+    for text in ["{}", "name = \"x\"\n", ""] {
+        let error = job(text).err().unwrap();
+        assert!(matches!(error, SimError::Merge { .. }), "{error:?}");
+        let message = error.to_string();
+        assert!(message.contains("the text of the cloth") && !message.contains('\n'), "{message}");
     }
 }

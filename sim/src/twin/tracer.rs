@@ -1,13 +1,10 @@
 //! Tracer of rays among the fibers of an infinite periodic cloth: the quads of the domain in a BVH per
 //! family, with rays that re-enter at the other side. A ray within a fiber searches one family only.
 //!
-//! A position may lie anywhere in the plane; it is moved into the domain for the search. The tubes extend a
-//! little beyond the ends of the domain, so that a ray followed up to the border hits no end. Across, yarns
-//! lie within the domain; a ray within a fiber is moved to the image that contains the fiber's yarn,
-//! whichever side of the border rounding puts it on. A domain of curves has all pieces of tubes that reach
-//! into it, so a ray within a fiber crosses borders as others do.
+//! A position may lie anywhere in the plane; it is moved into the domain for the search. The domain has all
+//! pieces of tubes that reach into it, and they extend a little beyond, so that a ray followed up to the
+//! border hits no end.
 
-use super::cloth::TwinCloth;
 use super::curves::TwinCurves;
 use super::domain::Domain;
 use super::options::TwinMesh;
@@ -23,8 +20,7 @@ use obvhs::cwbvh::CwBvh;
 use obvhs::cwbvh::builder::build_cwbvh;
 use obvhs::ray::{Ray, RayHit};
 use obvhs::triangle::Triangle;
-use plywave::fabric::YarnSet;
-use plywave::spec::YarnSpec;
+use plywave::cloth::YarnSet;
 use std::time::Duration;
 
 /// Largest number of re-entries before a ray counts as lost.
@@ -73,9 +69,6 @@ pub struct ClothTracer {
     /// All fibers lie between these heights [um].
     low: f32,
     high: f32,
-    /// Whether the domain holds every piece of a tube that reaches into it, also of tubes whose yarn lies in
-    /// the next domain.
-    has_images: bool,
 }
 
 impl ClothTracer {
@@ -83,25 +76,8 @@ impl ClothTracer {
     ///
     /// # Errors
     /// [`SimError::CannotPack`] and the like, [`SimError::TwinTooLarge`].
-    pub fn new(cloth: &TwinCloth, domain: &Domain, mesh: &TwinMesh, seed: u64) -> Result<ClothTracer, SimError> {
-        Ok(ClothTracer::from_mesh(ClothMesh::new(cloth, domain, mesh, seed)?, &cloth.yarns, domain, false))
-    }
-
-    /// Sweeps and sorts the fibers of a domain of curves.
-    ///
-    /// # Errors
-    /// As [`ClothTracer::new`].
-    pub fn from_curves(
-        cloth: &TwinCurves,
-        domain: &Domain,
-        mesh: &TwinMesh,
-        seed: u64,
-    ) -> Result<ClothTracer, SimError> {
-        Ok(ClothTracer::from_mesh(cloth.mesh(domain, mesh, seed)?, &cloth.yarns, domain, true))
-    }
-
-    fn from_mesh(mesh: ClothMesh, yarns: &[YarnSpec], domain: &Domain, has_images: bool) -> ClothTracer {
-        let ClothMesh { vertices, normals, quads, wall, fibers } = mesh;
+    pub fn new(cloth: &TwinCurves, domain: &Domain, mesh: &TwinMesh, seed: u64) -> Result<ClothTracer, SimError> {
+        let ClothMesh { vertices, normals, quads, wall, fibers } = cloth.mesh(domain, mesh, seed)?;
         let heights = || vertices.iter().map(|v| v[2]);
         let (low, high) = (heights().fold(0.0, f32::min) - 0.01, heights().fold(0.0, f32::max) + 0.01);
         // The warp's quads come first. Families are built one after the other: building takes several times
@@ -109,17 +85,16 @@ impl ClothTracer {
         let first = wall.partition_point(|w| fibers[*w as usize >> 1].family == YarnSet::Warp);
         let walls =
             [0..first, first..quads.len()].map(|range| Walls::new(&vertices, &quads[range.clone()], &wall[range]));
-        ClothTracer {
+        Ok(ClothTracer {
             walls,
             vertices,
             normals,
             fibers,
-            surfaces: yarns.iter().map(Surfaces::of_spec).collect(),
+            surfaces: cloth.yarns.iter().map(Surfaces::of_spec).collect(),
             size: domain.size_um.map(|s| s as f32),
             low,
             high,
-            has_images,
-        }
+        })
     }
 
     /// Number of triangles.
@@ -164,26 +139,16 @@ impl ClothTracer {
     pub fn trace(&self, pos: Vector3<f32>, dir: Vector3<f32>, medium: Medium) -> Trace {
         // Adding 0 turns -0 into 0, as in the tracer of a ply.
         let d = Vec3A::new(dir.x, dir.y, dir.z) + Vec3A::ZERO;
-        let (fiber, air) = match medium {
-            Medium::Air => (u32::MAX, true),
-            Medium::Fiber(f) | Medium::Lumen(f) => (f, false),
+        // Within a fiber, its family.
+        let own = match medium {
+            Medium::Air => None,
+            Medium::Fiber(f) | Medium::Lumen(f) => Some(self.thread(f).family as usize),
         };
-        // Middle of the searched image, and whether its borders count.
-        let (mut middle, mut bordered) = ([0.0f32; 2], [true; 2]);
-        let own = (!air).then(|| {
-            let thread = self.thread(fiber);
-            let family = thread.family as usize;
-            if !self.has_images {
-                (middle[family], bordered[family]) = (thread.across, false);
-            }
-            family
-        });
+        let beyond = || if own.is_none() { Trace::Escaped } else { Trace::Lost };
         // A ray into the material goes against the normal.
         let into = !matches!(medium, Medium::Fiber(_));
-        let mut at = [pos.x, pos.y];
-        for k in 0..2 {
-            at[k] -= self.size[k] * ((at[k] - middle[k]) / self.size[k]).round();
-        }
+        let folded = self.folded(pos);
+        let mut at = [folded.x, folded.y];
         // Beyond this length the ray has left the cloth.
         let exit = match dir.z {
             z if z > 0.0 => (self.high - pos.z) / z,
@@ -193,11 +158,11 @@ impl ClothTracer {
         let mut done = 0.0f32;
         for _ in 0..MAX_WRAPS {
             if done > exit {
-                return if air { Trace::Escaped } else { Trace::Lost };
+                return beyond();
             }
             let mut to_border = [f32::INFINITY; 2];
             for k in 0..2 {
-                if bordered[k] && d[k].abs() > 1e-9 {
+                if d[k].abs() > 1e-9 {
                     to_border[k] = ((0.5 * self.size[k] - at[k] * d[k].signum()) / d[k].abs()).max(0.0);
                 }
             }
@@ -237,7 +202,7 @@ impl ClothTracer {
                 });
             }
             if step == f32::INFINITY {
-                return if air { Trace::Escaped } else { Trace::Lost };
+                return beyond();
             }
             for k in 0..2 {
                 at[k] += d[k] * step;

@@ -3,16 +3,15 @@
 use crate::cloth_model::{JERSEY, ORGANZA, any, direction, even, made, place};
 use plywave::bsdf::{Bsdf, BsdfSample};
 use plywave::check::check_bsdf;
-use plywave::cloth::{ClothModel, ClothSpec};
-use plywave::fabric::{ColorOf, FabricOptions, GapLight, YarnColor};
-use plywave::{Error, FabricQuery};
+use plywave::cloth::{ClothModel, ClothOptions, ClothSpec, ColorOf, GapLight, YarnColor};
+use plywave::{ClothQuery, Error};
 use plywave_sim::cloth::make_cloth;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 
 const LAMBDA: [f32; 3] = [0.45, 0.55, 0.65];
 /// The light of a point alone.
-const ALONE: FabricOptions = FabricOptions { layers: false, shadowing: false, ..FabricOptions::SMOOTH };
+const ALONE: ClothOptions = ClothOptions { layers: false, shadowing: false, ..ClothOptions::SMOOTH };
 
 /// As a point moves across a gap in steps of 0.1 um, the light that the gap diffracts jumps at hardly any of
 /// them.
@@ -32,7 +31,7 @@ fn light_of_gaps_changes_steadily_with_the_place() {
             let f: Vec<Option<[f32; 3]>> = (0..40)
                 .map(|i| {
                     let by = 0.1 * i as f32;
-                    let at = cloth.at(&FabricQuery::new([x + by * c, y + by * s], wo, LAMBDA));
+                    let at = cloth.at(&ClothQuery::new([x + by * c, y + by * s], wo, LAMBDA));
                     at.is_gap().then(|| at.eval(wi))
                 })
                 .collect();
@@ -63,7 +62,7 @@ fn gaps_keep_their_energy() {
     while checked < 3 {
         k += 1;
         let wo = direction([0.97, 0.7, -0.85][checked], even(k, 0.618_034));
-        let at = cloth.at(&FabricQuery::new(place(k), wo, LAMBDA));
+        let at = cloth.at(&ClothQuery::new(place(k), wo, LAMBDA));
         if !at.is_gap() {
             continue;
         }
@@ -73,12 +72,9 @@ fn gaps_keep_their_energy() {
         assert!(r.furnace_error < 0.01 && r.pdf_error < 0.005, "{k}: {r:?}");
         assert!(r.weight_error < 1e-3 && r.sampled_furnace_se < 5.0 && r.chi2_p > 1e-4, "{k}: {r:?}");
     }
-    let straight = FabricOptions { gaps: GapLight::Straight, ..ALONE };
+    let straight = ClothOptions { gaps: GapLight::Straight, ..ALONE };
     let cloth = ClothModel::from_data(ORGANZA.clone(), &straight).unwrap();
-    assert_eq!(
-        cloth.at(&FabricQuery::new(place(k), direction(-0.85, even(k, 0.618_034)), LAMBDA)).straight(),
-        [1.0; 3]
-    );
+    assert_eq!(cloth.at(&ClothQuery::new(place(k), direction(-0.85, even(k, 0.618_034)), LAMBDA)).straight(), [1.0; 3]);
 }
 
 /// The mean over the cell diffracts as many places do: shares of the light that passes within 1, 3 and 10
@@ -86,7 +82,7 @@ fn gaps_keep_their_energy() {
 #[test]
 fn the_mean_diffracts_as_places_do() {
     let data = made("organza", &["silk_single"; 2], true);
-    let cloth = ClothModel::from_data(data, &FabricOptions { far: true, ..ALONE }).unwrap();
+    let cloth = ClothModel::from_data(data, &ClothOptions { far: true, ..ALONE }).unwrap();
     const PLACES: usize = 3000;
     const SAMPLES: usize = 4;
     for (i, wo) in [direction(0.97, 0.1), direction(0.75, 0.33), direction(-0.6, 0.7)].iter().enumerate() {
@@ -98,8 +94,7 @@ fn the_mean_diffracts_as_places_do() {
         for (of, shares) in shares.iter_mut().enumerate() {
             let footprint_um = if of == 0 { 0.0 } else { 1e5 };
             for k in 0..PLACES * SAMPLES {
-                let query =
-                    FabricQuery { footprint_um, ..FabricQuery::new(place(k / SAMPLES + 7000 * i), *wo, [0.55]) };
+                let query = ClothQuery { footprint_um, ..ClothQuery::new(place(k / SAMPLES + 7000 * i), *wo, [0.55]) };
                 let u = [0.819_172_513, 0.671_043_606, 0.549_700_478].map(|step| even(k, step));
                 if let BsdfSample::Scattered(s) = cloth.at(&query).sample(u) {
                     for (sum, inside) in shares.iter_mut().zip(within(s.w)) {
@@ -130,7 +125,7 @@ fn stripes_are_those_of_their_yarns() {
     let spacing = 250.0;
     let mut seen = [0usize; 2];
     for k in 0..4000 {
-        let at = FabricQuery::rgb(place(k), direction(0.98, even(k, 0.618_034)));
+        let at = ClothQuery::rgb(place(k), direction(0.98, even(k, 0.618_034)));
         let w = any(k);
         let [f, r, b] = [&cloth, &reds, &blues].map(|cloth| cloth.at(&at).eval(w));
         let off = |a: [f32; 3], b: [f32; 3]| (0..3).map(|i| (a[i] - b[i]).abs()).fold(0.0, f32::max);

@@ -1,9 +1,8 @@
 //! The cloth of curves as a surface: energy, reciprocity, samples, its file, and the mean over the cell.
 
 use plywave::bsdf::{Bsdf, BsdfSample};
-use plywave::cloth::{ClothData, ClothModel, ClothSpec};
-use plywave::fabric::{ColorOf, FabricOptions, GapLight, YarnColor};
-use plywave::{FabricQuery, PlyModel};
+use plywave::cloth::{ClothData, ClothModel, ClothOptions, ClothSpec, ColorOf, GapLight, YarnColor};
+use plywave::{ClothQuery, PlyModel};
 use plywave_sim::cloth::make_cloth;
 use std::f32::consts::TAU;
 use std::sync::{Arc, LazyLock};
@@ -42,8 +41,8 @@ pub fn place(k: usize) -> [f32; 2] {
     [9e3 * even(k, 0.819_172_513), 9e3 * even(k, 0.671_043_606)]
 }
 
-fn query<const N: usize>(at: [f32; 2], wo: [f32; 3], sigma: [f32; N]) -> FabricQuery<'static, N> {
-    FabricQuery { sigma_per_um: [Some(sigma); 2], ..FabricQuery::new(at, wo, [0.55; N]) }
+fn query<const N: usize>(at: [f32; 2], wo: [f32; 3], sigma: [f32; N]) -> ClothQuery<'static, N> {
+    ClothQuery { sigma_per_um: [Some(sigma); 2], ..ClothQuery::new(at, wo, [0.55; N]) }
 }
 
 /// Clear fibers neither lose nor make light, by the direction of the viewer and by that of the light, which
@@ -53,7 +52,7 @@ fn clear_cloths_conserve_energy() {
     const PLACES: usize = 400;
     const DIRECTIONS: usize = 256;
     for (name, data) in [("jersey", &*JERSEY), ("organza", &*ORGANZA)] {
-        let cloth = ClothModel::from_data(data.clone(), &FabricOptions::RAYS).unwrap();
+        let cloth = ClothModel::from_data(data.clone(), &ClothOptions::RAYS).unwrap();
         for z in [0.95f32, 0.6, -0.6, 0.3, 0.15, 0.05] {
             let (mut by_view, mut by_light) = (0.0f64, 0.0f64);
             for k in 0..PLACES {
@@ -86,7 +85,7 @@ fn clear_cloths_conserve_energy() {
 #[test]
 fn samples_follow_their_density() {
     for data in [&*JERSEY, &*ORGANZA] {
-        let options = FabricOptions { gaps: GapLight::Straight, ..FabricOptions::default() };
+        let options = ClothOptions { gaps: GapLight::Straight, ..ClothOptions::default() };
         let cloth = ClothModel::from_data(data.clone(), &options).unwrap();
         for k in 0..24 {
             let wo = direction([0.9, 0.5, 0.1, -0.7][k % 4], even(k, 0.3));
@@ -130,10 +129,10 @@ fn files_hold_the_cloth() {
     assert!(bytes.len() < 8 << 20, "{} bytes", bytes.len());
     let read = ClothData::from_bytes(&bytes, "jersey.pwc").unwrap();
     assert_eq!(read.to_bytes().unwrap(), bytes);
-    let options = FabricOptions { far: true, ..FabricOptions::default() };
+    let options = ClothOptions { far: true, ..ClothOptions::default() };
     let [a, b] = [JERSEY.clone(), read].map(|data| ClothModel::from_data(data, &options).unwrap());
     for k in 0..200 {
-        let at = FabricQuery { footprint_um: [0.0, 600.0, 3000.0][k % 3], ..FabricQuery::rgb(place(k), any(k)) };
+        let at = ClothQuery { footprint_um: [0.0, 600.0, 3000.0][k % 3], ..ClothQuery::rgb(place(k), any(k)) };
         assert_eq!(a.at(&at).eval_pdf(any(k + 7)), b.at(&at).eval_pdf(any(k + 7)));
     }
     for cut in [0, 7, 100, 5000, bytes.len() - 1] {
@@ -153,7 +152,7 @@ fn files_hold_the_cloth() {
         if let Ok(data) = ClothData::from_bytes(&other, "flipped.pwc")
             && let Ok(cloth) = ClothModel::from_data(data, &options)
         {
-            let _ = cloth.at(&FabricQuery::rgb(place(k), any(k))).eval(any(k + 3));
+            let _ = cloth.at(&ClothQuery::rgb(place(k), any(k))).eval(any(k + 3));
         }
     }
 }
@@ -161,13 +160,13 @@ fn files_hold_the_cloth() {
 /// The mean over the cell is that of many places.
 #[test]
 fn the_mean_is_that_of_places() {
-    let options = FabricOptions { far: true, ..FabricOptions::RAYS };
+    let options = ClothOptions { far: true, ..ClothOptions::RAYS };
     let cloth = ClothModel::from_data(JERSEY.clone(), &options).unwrap();
     const PLACES: usize = 1500;
     for (i, wo) in
         [direction(0.9, 0.1), direction(0.6, 0.33), direction(-0.5, 0.7), direction(0.25, 0.02)].iter().enumerate()
     {
-        let far = cloth.at(&FabricQuery { footprint_um: 1e4, ..query([0.0; 2], *wo, [0.0, 0.005]) });
+        let far = cloth.at(&ClothQuery { footprint_um: 1e4, ..query([0.0; 2], *wo, [0.0, 0.005]) });
         assert!(far.far_share() == 1.0);
         let lights: Vec<[f32; 3]> = (0..48).map(|k| any(k + 48 * i)).collect();
         let mut means = vec![[0.0f64; 2]; lights.len()];
@@ -196,7 +195,7 @@ fn the_mean_is_that_of_places() {
 #[test]
 fn any_query_is_answered() {
     let cloth =
-        ClothModel::from_data(ORGANZA.clone(), &FabricOptions { noise: true, ..FabricOptions::default() }).unwrap();
+        ClothModel::from_data(ORGANZA.clone(), &ClothOptions { noise: true, ..ClothOptions::default() }).unwrap();
     let odd = [0.0f32, -0.0, 1e-30, 1.0, 1e9, 1e38, f32::INFINITY, f32::NAN];
     for (i, x) in odd.iter().enumerate() {
         for (j, z) in odd.iter().enumerate() {
@@ -228,14 +227,14 @@ fn foreign_models_are_refused() {
 /// Other colors are those of a file with them; absorptions invert the brightness; what is not there is told.
 #[test]
 fn colors_are_changed_without_tracing() {
-    let cloth = ClothModel::from_data(JERSEY.clone(), &FabricOptions::default()).unwrap();
+    let cloth = ClothModel::from_data(JERSEY.clone(), &ClothOptions::default()).unwrap();
     let srgb = [0.2f32, 0.5, 0.3];
     let mut green = JERSEY.clone();
     green.spec_text = green.spec_text.replace("srgb = [0.75, 0.75, 0.72]", "srgb = [0.2, 0.5, 0.3]");
-    let green = ClothModel::from_data(green, &FabricOptions::default()).unwrap();
+    let green = ClothModel::from_data(green, &ClothOptions::default()).unwrap();
     let same = cloth.with_colors([YarnColor::Srgb(srgb), YarnColor::Undyed], ColorOf::EvenSky);
     for k in 0..50 {
-        let at = FabricQuery::rgb(place(k), any(k));
+        let at = ClothQuery::rgb(place(k), any(k));
         assert_eq!(same.at(&at).eval(any(k + 7)), green.at(&at).eval(any(k + 7)));
     }
     let reach = same.colors();
@@ -253,7 +252,7 @@ fn colors_are_changed_without_tracing() {
     assert_eq!(back.sigma_of_reflectance([0.5]), cloth.sigma_of_reflectance([0.5]));
 
     assert_eq!((cloth.kinds(), cloth.model_of(1).is_some(), cloth.has_far()), (1, false, false));
-    let far = FabricOptions { far: true, ..FabricOptions::default() };
+    let far = ClothOptions { far: true, ..ClothOptions::default() };
     assert!(ClothModel::from_data(JERSEY.clone(), &far).unwrap().has_far() && JERSEY.notes(&far).is_empty());
     assert!(ORGANZA.notes(&far)[0].contains("footprints count as points"));
 }

@@ -2,14 +2,13 @@
 //!
 //! `cargo run --release -p plywave-studies --bin cloth_twin -- CLOTH.toml TWIN.pwx MODEL.pwm ..`
 //!
-//! A twin that is no file is left out. The variable OLD names a fabric spec whose time is taken too, BESIDE
-//! another twin, of another seed, that the first one is held to.
+//! A twin that is no file is left out. The variable BESIDE names another twin, of another seed, that the
+//! first one is held to.
 
 use plywave::bsdf::Bsdf;
-use plywave::cloth::{ClothData, ClothModel, ClothSpec, ClothSurface};
-use plywave::fabric::FabricOptions;
+use plywave::cloth::{ClothData, ClothModel, ClothOptions, ClothSpec};
 use plywave::twin::{ClothTwin, ComparisonOptions, compare};
-use plywave::{FabricModel, FabricQuery, PlyModel};
+use plywave::{ClothQuery, PlyModel};
 use plywave_sim::cloth::make_cloth;
 use std::f32::consts::TAU;
 use std::sync::Arc;
@@ -32,7 +31,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     told("curves");
     let models: Vec<Arc<PlyModel>> =
         models.iter().map(|m| Ok(Arc::new(PlyModel::load(m)?))).collect::<plywave::Result<_>>()?;
-    let options = FabricOptions { sigma_per_um: Some(0.0), ..FabricOptions::RAYS };
+    let options = ClothOptions { sigma_per_um: Some(0.0), ..ClothOptions::RAYS };
     let text = std::fs::read_to_string(file)?;
     let data = ClothData::make(&text, &spec.name, &made.curves, &models, false, |_| Ok(()))?;
     told("cloth");
@@ -47,11 +46,6 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     told("energies");
     speed(&cloth);
     told("speed");
-    if let Ok(old) = std::env::var("OLD") {
-        println!("{old}");
-        speed(&FabricModel::load(old, &FabricOptions::RAYS)?);
-        told("speed of the fabric");
-    }
     if let Ok(twin) = ClothTwin::load(twin) {
         let places = std::env::var("PLACES").ok().and_then(|p| p.parse().ok()).unwrap_or(2048);
         for c in compare(&cloth, &twin, &ComparisonOptions { places, directions: 1 }) {
@@ -113,7 +107,7 @@ fn energy(cloth: &ClothModel) {
             let (sin, cos) = (TAU * even(0.618_034)).sin_cos();
             let across = (1.0 - z * z).sqrt();
             let w = [across * cos, across * sin, z];
-            let query = FabricQuery { sigma_per_um: [Some([0.0]); 2], ..FabricQuery::new(at, w, [0.55]) };
+            let query = ClothQuery { sigma_per_um: [Some([0.0]); 2], ..ClothQuery::new(at, w, [0.55]) };
             let bsdf = cloth.at(&query);
             by_view += f64::from(bsdf.straight()[0]);
             by_light += f64::from(bsdf.straight()[0]);
@@ -130,7 +124,7 @@ fn energy(cloth: &ClothModel) {
                     r += f;
                 }
                 // Light from w, viewer at b: f(b -> w) with the cosine at w, over it, times that at b.
-                let query = FabricQuery { sigma_per_um: [Some([0.0]); 2], ..FabricQuery::new(at, b, [0.55]) };
+                let query = ClothQuery { sigma_per_um: [Some([0.0]); 2], ..ClothQuery::new(at, b, [0.55]) };
                 if i % 8 == 0 {
                     let f = f64::from(cloth.at(&query).eval(w)[0]);
                     by_light += 8.0 * f * weight * f64::from(u.abs() / z);
@@ -143,7 +137,7 @@ fn energy(cloth: &ClothModel) {
 }
 
 /// Time of a query's parts [us]: of the place alone, with a sample, with an evaluation beside it.
-fn speed(cloth: &impl ClothSurface) {
+fn speed(cloth: &ClothModel) {
     const QUERIES: usize = 100_000;
     let mut sum = 0.0;
     let mut timed = |part: usize, flat: bool| {
@@ -156,11 +150,11 @@ fn speed(cloth: &impl ClothSurface) {
                 let (sin, cos) = (TAU * even(0.618_034)).sin_cos();
                 let z = if flat { 0.9 } else { even(0.414_213_56).sqrt().max(0.05) };
                 let across = (1.0 - z * z).sqrt();
-                let query = FabricQuery {
+                let query = ClothQuery {
                     sigma_per_um: [Some([0.0, 0.003, 0.01, 0.02]); 2],
-                    ..FabricQuery::new(at, [across * cos, across * sin, z], [0.45, 0.5, 0.55, 0.6])
+                    ..ClothQuery::new(at, [across * cos, across * sin, z], [0.45, 0.5, 0.55, 0.6])
                 };
-                let bsdf = cloth.surface_at(&query);
+                let bsdf = cloth.at(&query);
                 sum += bsdf.straight()[0];
                 if part > 0 {
                     let sample = bsdf.sample([even(0.31), even(0.47), even(0.83)]);

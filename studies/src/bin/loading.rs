@@ -1,17 +1,18 @@
-//! Cost of loading woven fabrics: clock and, on Linux, seconds of all cores, for reading a spec with its
-//! models, preparing the fabric, and the mean over its repeat (`FabricOptions::far`); then a digest that
-//! shows whether its tables equal those of another run bit by bit.
+//! Cost of making and loading cloths: clock and, on Linux, seconds of all cores, for the curves, for what
+//! shading needs of them (with `far` the mean over the cell too), and for reading the file and making it
+//! ready for shading; then a digest that shows whether its tables equal those of another run bit by bit.
 //!
-//! `cargo run --release -p plywave-studies --bin loading [far] [FABRIC.toml ..]`, by default
-//! the shipped fabrics of filaments and of plies.
+//! `cargo run --release -p plywave-studies --bin loading [far] [CLOTH.toml ..]`, by default the shipped
+//! cloths of which the models ship. Models are read from beside the specs of the plies.
 
-use plywave::FabricModel;
-use plywave::fabric::{FabricOptions, FabricSpec, Values};
+use plywave::PlyModel;
+use plywave::cloth::{ClothData, ClothModel, ClothOptions, ClothSpec, Values};
+use plywave_sim::cloth::make_cloth;
 use std::path::Path;
+use std::sync::Arc;
 use std::time::Instant;
 
-const FABRICS: [&str; 6] =
-    ["polyester_satin", "cotton_twill", "cotton_plain", "silk_organza", "wool_plain", "polyester_layers"];
+const CLOTHS: [&str; 5] = ["satin", "organza", "hopsack", "jersey", "rib"];
 
 /// Seconds of this process on all cores; NaN if the system does not report them.
 fn cpu_s() -> f64 {
@@ -24,17 +25,17 @@ fn cpu_s() -> f64 {
 }
 
 /// Cost of a call: its clock and all cores' seconds.
-fn timed<T>(of: impl FnOnce() -> T) -> (T, [f64; 2]) {
+fn timed<T>(of: impl FnOnce() -> T) -> (T, String) {
     let (begun, before) = (Instant::now(), cpu_s());
     let out = of();
-    (out, [begun.elapsed().as_secs_f64(), cpu_s() - before])
+    (out, format!("{:.2} {:.2}", begun.elapsed().as_secs_f64(), cpu_s() - before))
 }
 
 /// FNV-1a of the bits of all tables.
-fn digest(fabric: &FabricModel) -> u64 {
+fn digest(cloth: &ClothModel) -> u64 {
     let mut hash = 0xCBF2_9CE4_8422_2325u64;
     let mut add = |bits: u32| hash = (hash ^ u64::from(bits)).wrapping_mul(0x0100_0000_01B3);
-    for tensor in fabric.tensors() {
+    for tensor in cloth.tensors() {
         match tensor.values {
             Values::F32(values) => values.iter().for_each(|v| add(v.to_bits())),
             Values::U32(values) => values.iter().for_each(|v| add(*v)),
@@ -49,19 +50,34 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let far = wanted.iter().any(|word| word == "far");
     wanted.retain(|word| word != "far");
     if wanted.is_empty() {
-        wanted = FABRICS.map(|name| format!("{}/../fabrics/{name}.toml", env!("CARGO_MANIFEST_DIR"))).to_vec();
+        wanted = CLOTHS.map(|name| format!("{}/../fabrics/cloths/{name}.toml", env!("CARGO_MANIFEST_DIR"))).to_vec();
     }
     println!(
-        "fabric, read [s clock, s of all cores], made ready{}, tables",
-        if far { ", with the far view" } else { "" }
+        "cloth: curves [s clock, s of all cores], made{}, read, made ready, KiB of the file, tables",
+        if far { " with the mean over the cell" } else { "" }
     );
     for path in wanted {
-        let name = Path::new(&path).file_stem().unwrap_or_default().to_string_lossy().into_owned();
-        let (loaded, read) = timed(|| FabricSpec::load(&path));
-        let options = FabricOptions { far, ..FabricOptions::default() };
-        let (fabric, ready) = timed(|| FabricModel::new(loaded?, &options));
-        let fabric = fabric?;
-        println!("{name}: {:.2} {:.2}, {:.2} {:.2}, {:016x}", read[0], read[1], ready[0], ready[1], digest(&fabric));
+        let (path, text) = (Path::new(&path), std::fs::read_to_string(&path)?);
+        let (name, folder) = (path.display().to_string(), path.parent().unwrap_or(Path::new("")));
+        let spec = ClothSpec::parse(&text, &name)?;
+        let mut read = |file: &str| {
+            let path = folder.join(file);
+            std::fs::read(&path).map_err(|source| plywave::Error::Io { file: path.display().to_string(), source })
+        };
+        let (made, curves) = timed(|| make_cloth(&spec, &name, &mut read, &|| true));
+        let made = made?;
+        let models = spec.yarns().into_iter().map(|yarn| {
+            let model = yarn.model.as_ref().ok_or(format!("{name}: a yarn without model"))?;
+            Ok(Arc::new(PlyModel::load(folder.join(model).with_extension("pwm"))?))
+        });
+        let models = models.collect::<Result<Vec<_>, Box<dyn std::error::Error>>>()?;
+        let (data, making) = timed(|| ClothData::make(&text, &spec.name, &made.curves, &models, far, |_| Ok(())));
+        let bytes = data?.to_bytes()?;
+        let (data, reading) = timed(|| ClothData::from_bytes(&bytes, &name));
+        let options = ClothOptions { far, ..ClothOptions::default() };
+        let (cloth, ready) = timed(|| ClothModel::from_data(data?, &options));
+        let (kib, digest) = (bytes.len() >> 10, digest(&cloth?));
+        println!("{}: {curves}, {making}, {reading}, {ready}, {kib}, {digest:016x}", spec.name);
     }
     Ok(())
 }

@@ -3,27 +3,38 @@
 //!
 //!     cargo run --release -p plywave-studies --bin twin_layers -- [PATHS] [POINTS] [untwisted]
 
-use plywave::fabric::{Draft, Fabric, YarnShape};
-use plywave::spec::{Handedness, POLYESTER};
+use plywave::cloth::{ClothCurves, ClothYarn, Lattice, PlyCurve};
+use plywave::spec::POLYESTER;
 use plywave_sim::Run;
-use plywave_sim::twin::{TwinCloth, TwinJob, TwinMesh, TwinOptions, direction};
+use plywave_sim::twin::{TwinCurves, TwinJob, TwinMesh, TwinOptions, direction};
 use std::time::Instant;
+
+/// Radius of the plies [um].
+const RADIUS_UM: f64 = 50.0;
+
+/// A ply along y above a ply along x, in a cell as wide as a ply.
+fn layers() -> Result<ClothCurves, Box<dyn std::error::Error>> {
+    let side = 2.0 * RADIUS_UM;
+    let cell_um = [[side, 0.0], [0.0, side]];
+    let lattice = Lattice::new(cell_um).ok_or("no cell")?;
+    let mut curves = ClothCurves { cell_um, yarns: Vec::new(), curves: Vec::new() };
+    for (kind, period, step) in [(0, [0, 1], [1, 0]), (1, [1, 0], [0, 1])] {
+        let point = |i: u32| {
+            let (across, along) = (RADIUS_UM, side * f64::from(i) / 4.0);
+            if kind == 0 { [across, along, RADIUS_UM] } else { [along, across, -RADIUS_UM] }
+        };
+        let points: Vec<[f64; 3]> = (0..4).map(point).collect();
+        curves.yarns.push(ClothYarn { kind, number: 0, step, period });
+        curves.curves.push(PlyCurve::through(kind, RADIUS_UM, period, &points, &lattice));
+    }
+    Ok(curves)
+}
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let number = |at: usize, default: u32| std::env::args().nth(at).and_then(|v| v.parse().ok()).unwrap_or(default);
-    let shape = YarnShape {
-        plies: 1,
-        ply_radius_um: 50.0,
-        ply_pitch_um: None,
-        handedness: Handedness::Z,
-        spacing_um: 100.0,
-        crimp: 0.5,
-        d_cut_um: 0.0,
-    };
-    let fabric = Fabric::new(Draft::layers(), [shape; 2])?;
     let untwisted = std::env::args().nth(3).is_some_and(|v| v == "untwisted");
     let yarn = if untwisted { POLYESTER.replace("fiber_pitch_um", "# fiber_pitch_um") } else { POLYESTER.into() };
-    let cloth = TwinCloth::new("layers", fabric, vec![yarn], [vec![0], vec![0]])?;
+    let cloth = TwinCurves::new("layers", layers()?, vec![yarn; 2])?;
     let points = number(2, 24);
     let mesh = TwinMesh { outline_points: points, turn_rad: 0.2 * 24.0 / f64::from(points), ..TwinMesh::default() };
     let options = TwinOptions {

@@ -3,6 +3,7 @@
 
 use std::path::Path;
 use std::process::{Command, Output};
+use std::sync::OnceLock;
 
 /// A ply small enough to be simulated and fitted in a moment.
 pub const TINY: &str = r#"
@@ -56,13 +57,54 @@ size_mm = 10.0
 radiance = 10.0
 "#;
 
+/// A cloth that is made in seconds: an open plain weave of one of the models that ship.
+pub const CLOTH: &str = r#"name = "open cotton"
+
+[weave]
+kind = "plain"
+
+[warp]
+model = "models/cotton.pwm"
+count = { tex = 5.27 }
+density_g_per_cm3 = 1.52
+packing = 0.5
+ends_per_cm = 20
+srgb = [0.88, 0.88, 0.86]
+
+[weft]
+model = "models/cotton.pwm"
+count = { tex = 5.27 }
+density_g_per_cm3 = 1.52
+packing = 0.5
+picks_per_cm = 20
+srgb = [0.88, 0.88, 0.86]
+"#;
+
+/// Writes [`CLOTH`] as `cloth.toml`, its model and another beside it, and the cloth itself, woven once, as
+/// `cloth.pwc`.
+pub fn write_cloth(dir: &Path) {
+    static WOVEN: OnceLock<Vec<u8>> = OnceLock::new();
+    std::fs::create_dir(dir.join("models")).unwrap();
+    for model in ["cotton.pwm", "polyester.pwm"] {
+        let shipped = Path::new(env!("CARGO_MANIFEST_DIR")).join("../fabrics/models").join(model);
+        std::fs::copy(shipped, dir.join("models").join(model)).unwrap();
+    }
+    std::fs::write(dir.join("cloth.toml"), CLOTH).unwrap();
+    let woven = WOVEN.get_or_init(|| {
+        succeed(dir, &["weave", "cloth.toml", "-o", "cloth.pwc", "-q"]);
+        std::fs::read(dir.join("cloth.pwc")).unwrap()
+    });
+    std::fs::write(dir.join("cloth.pwc"), woven).unwrap();
+}
+
 /// Flags of `build` under which any fit is good: the lobes of [`TINY`] are few.
 pub const ANY_FIT: &[&str] = &["--max-error-refl", "9", "--max-error-high", "9"];
 
 /// The program, to be run in `folder`.
 pub fn plywave(folder: &Path, args: &[&str]) -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_plywave"));
-    command.current_dir(folder).args(args);
+    // Cloths that commands make are kept apart from those of who runs the tests.
+    command.current_dir(folder).args(args).env("PLYWAVE_CACHE", concat!(env!("CARGO_TARGET_TMPDIR"), "/cloths"));
     command
 }
 
@@ -99,16 +141,6 @@ pub fn folder() -> tempfile::TempDir {
     let folder = tempfile::tempdir().expect("a temporary folder");
     std::fs::write(folder.path().join("tiny.toml"), TINY).expect("it can be written");
     folder
-}
-
-/// Writes `cloth.toml`, an open weave of silk, and its model into a folder: it takes a third of the time to
-/// load that a dense cloth does, as less light goes from yarn to yarn.
-pub fn open_cloth(folder: &Path) {
-    let model = concat!(env!("CARGO_MANIFEST_DIR"), "/../fabrics/models/silk.pwm");
-    std::fs::copy(model, folder.join("silk.pwm")).expect("the model ships");
-    let yarn = "model = \"silk.pwm\"\nspacing_um = 900.0\ncrimp = 0.5\nsrgb = [0.85, 0.78, 0.66]\n";
-    let cloth = format!("name = \"open\"\n[weave]\nkind = \"plain\"\n[warp]\n{yarn}[weft]\n{yarn}");
-    std::fs::write(folder.join("cloth.toml"), cloth).expect("it can be written");
 }
 
 /// Builds `tiny.pwm` and `tiny.pwt` in the folder.

@@ -1,0 +1,48 @@
+//! Cloths of straight rules, made in a moment. The benchmark has them too.
+
+use plywave::PlyModel;
+use plywave::cloth::{ClothCurves, ClothData, ClothYarn, Lattice, PlyCurve};
+use std::sync::Arc;
+
+const FABRICS: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../fabrics");
+/// Radius of the plies, and distance of the yarns [um].
+const RADIUS_UM: f64 = 50.0;
+const SPACING_UM: f64 = 150.0;
+
+/// Plain weave of polyester plies, or a sheet of one kind of yarn: the weft of it.
+pub(crate) fn cloth(kinds: u32) -> ClothData {
+    let cell_um = [[2.0 * SPACING_UM, 0.0], [0.0, 2.0 * SPACING_UM]];
+    let lattice = Lattice::new(cell_um).expect("a cell");
+    let mut curves = ClothCurves { cell_um, yarns: Vec::new(), curves: Vec::new() };
+    for kind in 0..kinds {
+        let is_warp = kinds == 2 && kind == 0;
+        let (period, step) = if is_warp { ([0, 1], [2, 0]) } else { ([1, 0], [0, 2]) };
+        for number in 0..2 {
+            let index = curves.yarns.len() as u32;
+            curves.yarns.push(ClothYarn { kind, number, step, period });
+            let sign = if is_warp == (number == 0) { 1.0 } else { -1.0 };
+            let points: Vec<[f64; 3]> = (0..12)
+                .map(|i| {
+                    let t = f64::from(i) / 12.0;
+                    let along = 2.0 * SPACING_UM * t;
+                    let across = (f64::from(number) + 0.5) * SPACING_UM;
+                    let z = sign * (RADIUS_UM + 2.0) * (std::f64::consts::TAU * (t - 0.25)).cos();
+                    if is_warp { [across, along, z] } else { [along, across, z] }
+                })
+                .collect();
+            curves.curves.push(PlyCurve::through(index, RADIUS_UM, period, &points, &lattice));
+        }
+    }
+    let yarn =
+        |color: &str| format!("model = \"polyester\"\ncount = {{ tex = 10 }}\ndensity_g_per_cm3 = 1.38\n{color}");
+    let (red, blue) = (yarn("srgb = [0.7, 0.1, 0.1]\n"), yarn("srgb = [0.1, 0.2, 0.6]\n"));
+    let spec = match kinds {
+        1 => format!("name = \"sheet\"\n[curves]\nfile = \"sheet.toml\"\n[yarn]\n{red}"),
+        _ => format!(
+            "name = \"plain\"\n[weave]\nkind = \"plain\"\n[warp]\n{red}ends_per_cm = 66\n[weft]\n{blue}picks_per_cm = 66\n"
+        ),
+    };
+    let model = Arc::new(PlyModel::load(format!("{FABRICS}/models/polyester.pwm")).expect("a model that ships"));
+    let name = if kinds == 1 { "sheet" } else { "plain" };
+    ClothData::make(&spec, name, &curves, &vec![model; kinds as usize], kinds == 2, |_| Ok(())).expect("a cloth")
+}

@@ -1,0 +1,315 @@
+//! Light between plies: what leaves a ply and hits another, until it leaves the cloth.
+//!
+//! The cloth's f is that of the ply which the line meets, as far as the light gets out without meeting
+//! another (`shade.rs`), and the rest, the light that is scattered by two or more plies. The rest is
+//! smooth. Its energies are found once a cloth by following light from ply to ply (`paths.rs`). They are
+//! regressed on polynomials of the direction `a` that the light comes from (by reciprocity: of the viewer),
+//! apart for
+//!
+//! - the face and the back, from which the light comes,
+//! - the class of the first ply: its kind of yarn, whether it is the first on the line, whether another
+//!   follows,
+//! - the half of the sphere, of the cloth's normal, into which the first ply sends the light: what yarns
+//!   beside it catch, and what the layer below catches,
+//! - the half in which the light leaves the cloth at last,
+//! - absorptions of the kinds of yarns, each at nodes.
+//!
+//! The direction in which it leaves is given by reciprocity: averaged over a repeat, the light from a to b
+//! over the cosine at b is symmetric. With the energy E(a) of light reflected so, the form
+//! `E(a) E(b) cos b / integral E cos` is symmetric, has the energy E(a) and no other parameter; of light that
+//! is transmitted, E(b) is the energy of light from b transmitted the other way. (Kulla and Conty 2017 give
+//! microfacets their missing energy in this form.)
+
+use super::splines;
+use crate::color::AlbedoCurve;
+use crate::math::simd::{max, min};
+use multiversion::multiversion;
+
+/// Nodes of absorption, those of the mean over the repeat: between them energies are linear in v = 1 / (1 +
+/// sigma L), L this length [um], some paths through a ply. Nodes even in v end at 0.04 and 3 per um, and deep
+/// colors, denim's warp in red, lie between these.
+pub(crate) use super::far::{SIGMA_PER_UM, SIGMAS};
+const LENGTH_UM: f32 = 150.0;
+/// Polynomials of the direction.
+pub(crate) const TERMS: usize = 16;
+/// Polynomials of what depends little on it.
+pub(crate) const FEW: usize = 8;
+/// Pairs of absorptions.
+pub(crate) const PAIRS: usize = SIGMAS * SIGMAS;
+/// Classes of a first ply: its kind of yarn, whether it is the first on the line, whether another follows.
+pub(crate) const CLASSES: usize = 2 * CLASSES_A_KIND;
+pub(crate) const CLASSES_A_KIND: usize = 4;
+/// A polynomial of the direction for each pair of absorptions.
+pub(crate) type Poly = [f32; TERMS];
+pub(crate) type Few = [f32; FEW];
+
+/// Energies of a side, the face or the back.
+#[derive(Clone, Debug)]
+pub(crate) struct Side {
+    /// `[class][sent up, sent down, all]`, by absorption of its kind: what other yarns catch of the first
+    /// ply's light, up the half the light came from, and all that it scatters.
+    pub(crate) caught: Vec<splines::Several<SIGMAS>>,
+    /// `[class][sent up, down][leaves up, down][pair]`: what leaves the cloth, per energy that is caught.
+    pub(crate) leaves: Vec<Few>,
+    /// `[leaves up, down][pair]`: the mean over classes, divided by the integral of its cosine-weighted
+    /// values.
+    pub(crate) shape: Vec<Poly>,
+}
+
+/// The light between the plies of a cloth.
+#[derive(Clone, Debug)]
+pub(crate) struct InterYarn {
+    pub(crate) sides: [Side; 2],
+    /// By node of absorption of both kinds alike, of clear fibers first: scattered light of all orders
+    /// over the light that meets fibers, under light from everywhere.
+    pub(crate) albedo: [f64; SIGMAS],
+}
+
+/// v of the nodes; the last one stands for infinite absorption.
+const V: [f32; SIGMAS] = {
+    let mut v = [0.0; SIGMAS];
+    let mut node = 0;
+    while node < SIGMAS - 1 {
+        v[node] = 1.0 / (1.0 + SIGMA_PER_UM[node] * LENGTH_UM);
+        node += 1;
+    }
+    v
+};
+
+/// Node below an absorption and the fraction to the next.
+#[inline(always)]
+fn node_of(sigma: f32) -> (usize, f32) {
+    let sigma = min(max(sigma, 0.0), 1e6);
+    let v = 1.0 / (1.0 + sigma * LENGTH_UM);
+    let mut node = 0;
+    for at in &SIGMA_PER_UM[1..SIGMAS - 1] {
+        node += usize::from(*at <= sigma);
+    }
+    (node, (V[node] - v) * PER_V[node])
+}
+
+/// 1 over the difference of v to the next node.
+const PER_V: [f32; SIGMAS] = {
+    let mut per = [0.0; SIGMAS];
+    let mut node = 0;
+    while node < SIGMAS - 1 {
+        per[node] = 1.0 / (V[node] - V[node + 1]);
+        node += 1;
+    }
+    per
+};
+
+/// The polynomials at a direction; z counts as positive.
+#[inline]
+pub(crate) fn terms(w: [f32; 3]) -> Poly {
+    let [x, y, z] = w;
+    let z = z.abs();
+    let (d, e) = (x * x - y * y, 2.0 * x * y);
+    [1.0, z, z * z, z * z * z, x, y, x * z, y * z, d, e, d * z, e * z, d * z * z, e * z * z, d * d - e * e, 2.0 * d * e]
+}
+
+/// The terms that energies per caught energy have: they depend little on the direction.
+#[inline]
+pub(crate) fn few(t: &Poly) -> Few {
+    [t[0], t[1], t[2], t[3], t[4], t[5], t[8], t[9]]
+}
+
+#[inline]
+pub(crate) fn dot<const T: usize>(a: &[f32; T], b: &[f32; T]) -> f32 {
+    // Lanes apart: the compiler keeps the order of sums.
+    let mut sums = [0.0; 4];
+    for i in 0..T {
+        sums[i % 4] += a[i] * b[i];
+    }
+    (sums[0] + sums[1]) + (sums[2] + sums[3])
+}
+
+impl InterYarn {
+    /// The color of the cloth over the absorption, under a sky all round: what it scatters of the light that
+    /// meets its fibers.
+    pub(crate) fn curve(&self) -> AlbedoCurve {
+        AlbedoCurve::of_nodes(f64::from(LENGTH_UM), V.iter().zip(self.albedo).map(|(v, a)| (f64::from(*v), a)))
+    }
+
+    pub(crate) fn memory_bytes(&self) -> usize {
+        self.sides
+            .iter()
+            .map(|s| {
+                size_of_val(s.caught.as_slice()) + size_of_val(s.leaves.as_slice()) + size_of_val(s.shape.as_slice())
+            })
+            .sum()
+    }
+
+    /// The light between yarns of a beam from `a`. `firsts` are the classes of the plies that scatter it and
+    /// the energies that they scatter, `sent` factors on what the first ply sends up and what it sends down.
+    #[inline]
+    pub(crate) fn at<'a, const N: usize>(
+        &'a self,
+        a: [f32; 3],
+        firsts: &[(usize, [f32; N])],
+        sigma_per_um: [[f32; N]; 2],
+        sent: [f32; 2],
+    ) -> BetweenAt<'a, N> {
+        let mut classes = [[0.0; N]; CLASSES];
+        for (class, energy) in firsts {
+            (0..N).for_each(|k| classes[*class][k] += energy[k]);
+        }
+        light(&self.sides[usize::from(a[2] < 0.0)], a, &classes, sigma_per_um, sent)
+    }
+}
+
+/// Four pairs of absorptions about one of each kind, with their shares.
+type Corners = [(u16, f32); 4];
+
+/// Mean of polynomials over pairs of absorptions.
+#[inline(always)]
+fn mixed<const T: usize>(of: &[[f32; T]; PAIRS], corners: &Corners) -> [f32; T] {
+    let mut mixed = [0.0; T];
+    for (pair, share) in corners {
+        let of = &of[usize::from(*pair) % PAIRS];
+        for n in 0..T {
+            mixed[n] += share * of[n];
+        }
+    }
+    mixed
+}
+
+#[multiversion(targets(
+    "x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+avx2+bmi1+bmi2+fma",
+    "x86_64+avx2+bmi1+bmi2+fma"
+))]
+fn light<'a, const N: usize>(
+    side: &'a Side,
+    a: [f32; 3],
+    classes: &[[f32; N]; CLASSES],
+    sigma_per_um: [[f32; N]; 2],
+    sent: [f32; 2],
+) -> BetweenAt<'a, N> {
+    let mut at = BetweenAt::none(a);
+    at.shapes = side.shape.as_chunks().0.first_chunk();
+    let (few, place) = (few(&terms(a)), splines::At::new(a));
+    let mut nodes = [[(0, 0.0); N]; 2];
+    for k in 0..N {
+        let [(i, x), (j, y)] = [node_of(sigma_per_um[0][k]), node_of(sigma_per_um[1][k])];
+        (nodes[0][k], nodes[1][k]) = ((i, x), (j, y));
+        let pair = (SIGMAS * i + j) as u16;
+        at.corners[k] = [
+            (pair, (1.0 - x) * (1.0 - y)),
+            (pair + 1, (1.0 - x) * y),
+            (pair + SIGMAS as u16, x * (1.0 - y)),
+            (pair + SIGMAS as u16 + 1, x * y),
+        ];
+    }
+    let leaves = side.leaves.as_chunks::<PAIRS>().0.as_chunks::<2>().0.as_chunks::<2>().0;
+    for (class, energy) in classes.iter().enumerate() {
+        let mut any = 0.0f32;
+        for e in energy {
+            any = max(any, *e);
+        }
+        if any <= 0.0 {
+            continue;
+        }
+        let (Some(leaves), Some(functions)) =
+            (leaves.get(class), side.caught.get(3 * class..).and_then(|of| of.first_chunk::<3>()))
+        else {
+            continue;
+        };
+        let mut what = [[0.0; SIGMAS]; 3];
+        for (what, of) in what.iter_mut().zip(functions) {
+            place.add(of, what);
+        }
+        let mut caught = [[0.0; N]; 2];
+        for k in 0..N {
+            let (own, u) = nodes[class / CLASSES_A_KIND][k];
+            let mut of = [0.0; 3];
+            for i in 0..3 {
+                of[i] = (1.0 - u) * what[i][own % SIGMAS] + u * what[i][(own + 1) % SIGMAS];
+            }
+            // Shares change less with the absorption than energies do.
+            let per = energy[k] / max(of[2], 1e-6);
+            for cause in 0..2 {
+                // Less than nothing where bent yarns send out more than straight ones.
+                caught[cause][k] = sent[cause] * min(max(per * of[cause], -energy[k]), energy[k]);
+                at.caught[k] += caught[cause][k];
+            }
+        }
+        for cause in 0..2 {
+            if sent[cause] == 0.0 {
+                continue;
+            }
+            for half in 0..2 {
+                for k in 0..N {
+                    let mixed = mixed(&leaves[cause][half], &at.corners[k]);
+                    at.energy[half][k] += caught[cause][k] * min(max(dot(&mixed, &few), 0.0), 1.0);
+                }
+            }
+        }
+    }
+    for energy in at.energy.as_flattened_mut() {
+        *energy = max(*energy, 0.0);
+    }
+    at
+}
+
+#[multiversion(targets(
+    "x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+avx2+bmi1+bmi2+fma",
+    "x86_64+avx2+bmi1+bmi2+fma"
+))]
+fn eval<const N: usize>(shapes: &[Poly; PAIRS], corners: &[Corners; N], b: [f32; 3]) -> [f32; N] {
+    let (t, cos) = (terms(b), b[2].abs());
+    let mut f = [0.0; N];
+    for k in 0..N {
+        f[k] = max(dot(&mixed(shapes, &corners[k]), &t) * cos, 0.0);
+    }
+    f
+}
+
+/// The light between yarns for one direction, N absorptions.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct BetweenAt<'a, const N: usize> {
+    up_sign: f32,
+    /// `[leaves up, down]`.
+    pub energy: [[f32; N]; 2],
+    /// What other yarns catch of the first ply's light.
+    pub caught: [f32; N],
+    /// `[leaves up, down][pair]`, of which each wavelength has a mean.
+    shapes: Option<&'a [[Poly; PAIRS]; 2]>,
+    corners: [Corners; N],
+}
+
+impl<const N: usize> BetweenAt<'_, N> {
+    /// No light, of a beam from `a`.
+    #[inline(always)]
+    pub(crate) fn none(a: [f32; 3]) -> Self {
+        BetweenAt {
+            up_sign: if a[2] < 0.0 { -1.0 } else { 1.0 },
+            energy: [[0.0; N]; 2],
+            caught: [0.0; N],
+            shapes: None,
+            corners: [[(0, 0.0); 4]; N],
+        }
+    }
+
+    /// Sign of z of the half that the light comes from.
+    pub(crate) fn up_sign(&self) -> f32 {
+        self.up_sign
+    }
+
+    /// Whether a direction lies in that half.
+    #[inline]
+    pub(crate) fn is_up(&self, b: [f32; 3]) -> bool {
+        b[2] * self.up_sign >= 0.0
+    }
+
+    /// f in direction `b` [1/sr].
+    #[inline]
+    pub(crate) fn eval(&self, b: [f32; 3]) -> [f32; N] {
+        let half = usize::from(!self.is_up(b));
+        let Some(shapes) = self.shapes else { return [0.0; N] };
+        let mut f = eval(&shapes[half], &self.corners, b);
+        for k in 0..N {
+            f[k] *= self.energy[half][k];
+        }
+        f
+    }
+}

@@ -1,0 +1,481 @@
+//! The cloth at a query (Yu 2025, 7.1): the plies that the line meets, the light that passes them all, and
+//! the light between yarns.
+//!
+//! The line comes near one ply or several, in order; each catches its part of what those before it left. Its
+//! light counts as far as it meets no other yarn on its way out, single reflection from where the line enters
+//! the ply, other light from anywhere across it. What passes all plies is diffracted, at the edge of the ply
+//! that the line meets or by the aperture of the gap. All directions are those of the pattern, which may be
+//! turned about the surface's normal.
+
+use super::between::{BetweenAt, CLASSES_A_KIND};
+use super::far::{FarAt, SIGMAS, Seen};
+use super::query::{to_pattern, to_surface};
+use super::shade::ClothShade;
+use super::shadow::Toward;
+use crate::bsdf::{DirectionSample, Outcomes};
+use crate::frame::is_direction;
+use crate::gap::{GapAt, Opening};
+use crate::math::clamp_unit;
+use crate::ply::{ExitsAt, LobeLight, Prepared, UncachedPly, hit_chance};
+use crate::{Bsdf, BsdfSample};
+use std::f32::consts::{PI, TAU};
+
+/// A direction of the cloth's frame in that of a ply.
+fn to_ply(frame: &[[f32; 3]; 3], w: [f32; 3]) -> [f32; 3] {
+    frame.map(|a| a[0] * w[0] + a[1] * w[1] + a[2] * w[2])
+}
+
+/// A direction of a ply's frame in that of the cloth.
+fn to_cloth(frame: &[[f32; 3]; 3], w: [f32; 3]) -> [f32; 3] {
+    std::array::from_fn(|k| frame[0][k] * w[0] + frame[1][k] * w[1] + frame[2][k] * w[2])
+}
+
+/// Plies beside the first that a line meets, of which a query keeps the light.
+pub(crate) const MAX_NEAR: usize = 4;
+
+/// A ply near the line.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct NearPly<'a, const N: usize> {
+    pub ply: UncachedPly<'a, N>,
+    pub frame: [[f32; 3]; 3],
+    pub shade: ClothShade<'a>,
+    pub exits: ExitsAt,
+    /// Class of a first ply.
+    pub class: usize,
+    /// Share of the beam that comes to it.
+    pub arrives: f32,
+    /// Share of that which it catches; of plies beside the one that the line meets.
+    pub caught: f32,
+    /// Energy that it scatters of all that could come, and chance that its lobes give a direction.
+    pub energy: [f32; N],
+    pub hit: f32,
+    /// Chance of it.
+    pub chance: f32,
+}
+
+impl<const N: usize> NearPly<'_, N> {
+    /// Finds the energies; r_d comes out.
+    pub(crate) fn energies(&mut self, prepared: &Prepared<N>) -> f32 {
+        let (energy, r_d) = self.ply.lit_by(&self.ply.kept(prepared)).albedo_r_d();
+        self.energy = energy;
+        self.hit = hit_chance(&energy, r_d);
+        r_d
+    }
+
+    /// By wavelength, how much of the light through fibers leaves as through clear ones.
+    #[inline]
+    fn clear_shares(&self) -> [f32; N] {
+        self.ply.query.sigma_per_um.map(ExitsAt::clear_share)
+    }
+
+    /// Adds the lobes' light, of which these shares get out: of f_refl, and of f_high from clear and from
+    /// dark fibers.
+    #[inline]
+    fn add_light(&self, free: [f32; 3], clear_shares: &[f32; N], light: &LobeLight<N>, f: &mut [f32; N]) {
+        let [refl, clear, dark] = [free[0] * self.arrives, free[1] * self.arrives, free[2] * self.arrives];
+        for k in 0..N {
+            f[k] += refl * light.refl[k] + (dark + clear_shares[k] * (clear - dark)) * light.high[k];
+        }
+    }
+
+    #[inline]
+    fn add(&self, b: [f32; 3], wo: [f32; 3], light: &LobeLight<N>, f: &mut [f32; N], pdf: &mut f32) {
+        self.add_light(
+            self.shade.toward(&Toward::new(b), self.exits.lines(self.ply.model.exit_shapes(), wo)),
+            &self.clear_shares(),
+            light,
+            f,
+        );
+        *pdf += self.chance * light.pdf;
+    }
+
+    #[inline]
+    fn eval_pdf(&self, prepared: &Prepared<N>, b: [f32; 3], f: &mut [f32; N], pdf: &mut f32) {
+        let wo = to_ply(&self.frame, b);
+        self.add(b, wo, &self.ply.lit_by(&self.ply.kept(prepared)).eval_pdf(self.hit, wo), f, pdf);
+    }
+
+    /// Adds f of many directions.
+    fn add_all(&self, prepared: &Prepared<N>, lights: &[Toward], f: &mut [[f32; N]]) {
+        let kept = self.ply.kept(prepared);
+        let shares = self.clear_shares();
+        for (toward, f) in lights.iter().zip(f) {
+            let wo = to_ply(&self.frame, toward.b);
+            let light = self.ply.lit_by(&kept).eval_apart(wo);
+            self.add_light(
+                self.shade.toward(toward, self.exits.lines(self.ply.model.exit_shapes(), wo)),
+                &shares,
+                &light,
+                f,
+            );
+        }
+    }
+
+    #[inline]
+    fn pdf(&self, prepared: &Prepared<N>, b: [f32; 3]) -> f32 {
+        self.chance * self.ply.lit_by(&self.ply.kept(prepared)).pdf(self.hit, to_ply(&self.frame, b))
+    }
+
+    #[inline]
+    fn sample(&self, prepared: &Prepared<N>, u: [f32; 3]) -> Option<([f32; 3], LobeLight<N>)> {
+        let (w, light) = self.ply.lit_by(&self.ply.kept(prepared)).sample(self.hit, u)?;
+        Some((to_cloth(&self.frame, w), light))
+    }
+}
+
+/// What becomes of the light that passes all plies.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum Passes<'a, const N: usize> {
+    /// It goes straight on.
+    Straight,
+    /// It is diffracted at the edge of the ply that the line meets.
+    Edge,
+    /// It is diffracted by the gap.
+    Aperture(GapAt<'a, N>),
+}
+
+/// A direction, and the number and light of the ply whose lobes gave it.
+type Drawn<const N: usize> = ([f32; 3], Option<(usize, LobeLight<N>)>);
+
+/// Which part of a cloth's light a sample is of.
+const PASSES: usize = MAX_NEAR;
+const UP: usize = MAX_NEAR + 1;
+const DOWN: usize = MAX_NEAR + 2;
+
+/// Least share of a ply's light that counts as free: in some directions all of it is, and weights are as
+/// large as this is small.
+const MIN_FREE: f32 = 0.4;
+/// Chance of light between yarns over its energy. Its samples, by the cosine, lie most where least is in the
+/// shadow and so stand in for those of plies there: more lessens the variance of weights and raises the
+/// largest one of clear cloths.
+const FOR_SHADOWS: f32 = 1.25;
+
+/// A cloth at a query, for N wavelengths; of the ply that the line meets the lobes are interpolated once.
+#[derive(Clone, Copy, Debug)]
+pub struct ClothBsdf<'a, const N: usize> {
+    /// The ply that the line meets, its lobes, and the plies that it comes near.
+    pub(crate) main: Option<NearPly<'a, N>>,
+    pub(crate) prepared: Prepared<N>,
+    pub(crate) others: [Option<NearPly<'a, N>>; MAX_NEAR],
+    pub(crate) passes: Passes<'a, N>,
+    /// Energy that passes all plies.
+    pub(crate) passing: f32,
+    pub(crate) between: BetweenAt<'a, N>,
+    /// Chances of what passes, and of light between yarns that leaves up and down.
+    pub(crate) chances: [f32; 3],
+    /// Cosine and sine of the pattern's turn.
+    pub(crate) turn: [f32; 2],
+    pub(crate) is_double: bool,
+    /// In a gap with diffracted light: its aperture.
+    pub(crate) opening: Option<Opening>,
+    /// The mean over the repeat, and its share; all else has the rest.
+    pub(crate) far: Option<(FarAt<'a, N>, f32)>,
+}
+
+impl<'a, const N: usize> ClothBsdf<'a, N> {
+    /// Before a line meets a ply. Its parts are filled in in their places, since they are large.
+    #[inline(always)]
+    pub(crate) fn empty() -> Self {
+        ClothBsdf {
+            main: None,
+            prepared: Prepared::Nothing,
+            others: [const { None }; MAX_NEAR],
+            passes: Passes::Straight,
+            passing: 1.0,
+            between: BetweenAt::none([0.0; 3]),
+            chances: [0.0; 3],
+            turn: [1.0, 0.0],
+            is_double: false,
+            opening: None,
+            far: None,
+        }
+    }
+
+    /// Joins the light of a gap, and says what becomes of the light that passes all plies.
+    pub(crate) fn passes_gap(&mut self, light: Option<(Opening, GapAt<'a, N>)>) -> Passes<'a, N> {
+        let Some((opening, light)) = light else { return Passes::Straight };
+        self.opening = Some(opening);
+        Passes::Aperture(light)
+    }
+
+    /// Joins the mean over the repeat and its share; whether it is all.
+    pub(crate) fn is_far(&mut self, far: Option<(FarAt<'a, N>, f32)>) -> bool {
+        let all = far.as_ref().is_some_and(|(_, share)| *share >= 1.0);
+        if far.is_some() {
+            self.far = far;
+        }
+        if all {
+            self.passing = 0.0;
+        }
+        all
+    }
+}
+
+impl<const N: usize> ClothBsdf<'_, N> {
+    /// Share of the mean over the repeat in the answer: 0 for a point, 1 for a footprint as large as the
+    /// repeat.
+    pub fn far_share(&self) -> f32 {
+        self.far.as_ref().map_or(0.0, |(_, share)| *share)
+    }
+
+    /// Whether the point lies in a gap: the line meets no ply. Of no meaning where [`ClothBsdf::far_share`]
+    /// is 1.
+    pub fn is_gap(&self) -> bool {
+        self.main.is_none()
+    }
+
+    /// Whether two layers of yarns lie there.
+    pub fn is_double(&self) -> bool {
+        self.is_double
+    }
+
+    /// Sets the chances of all parts.
+    ///
+    /// Of parts whose light lies apart, chances as the root of the mean square of f over the part's own
+    /// density give weights of the least variance, here that of the sum over channels. Of a ply's light the
+    /// share m is not caught by other yarns. If shadows took as much in every direction, that root would be m
+    /// of its energy, if they took all or nothing, `m^(1/2)`; what is taken is between. (tests/it/cloth.rs
+    /// has the weights.)
+    pub(crate) fn set_chances(&mut self) {
+        let mean = |x: &[f32; N]| x.iter().sum::<f32>() / N.max(1) as f32;
+        let root_mean_square = |x: &[f32; N]| (x.iter().map(|x| x * x).sum::<f32>() / N.max(1) as f32).sqrt();
+        let between = self.between.energy.map(|e| FOR_SHADOWS * root_mean_square(&e));
+        let mut plies = [0.0; N];
+        let mut add = |arrives: f32, energy: &[f32; N]| (0..N).for_each(|k| plies[k] += arrives * energy[k]);
+        if let Some(p) = &self.main {
+            add(p.arrives, &p.energy);
+        }
+        self.others.iter().flatten().for_each(|p| add(p.arrives, &p.energy));
+        let direct = root_mean_square(&std::array::from_fn(|k| {
+            let m = (1.0 - self.between.caught[k] / plies[k].max(f32::MIN_POSITIVE)).max(MIN_FREE);
+            // m^(3/4).
+            plies[k] * (m * m.sqrt()).sqrt()
+        }));
+        let passing = if matches!(self.passes, Passes::Straight) { 0.0 } else { self.passing };
+        // Straight light is the rest.
+        let all = direct + between[0] + between[1] + self.passing;
+        let per = if all > 0.0 { 1.0 / all } else { 0.0 };
+        let plies = mean(&plies);
+        let per_ply = if plies > 0.0 { per * direct / plies } else { 0.0 };
+        if let Some(p) = &mut self.main {
+            p.chance = per_ply * p.arrives * mean(&p.energy);
+        }
+        for p in self.others.iter_mut().flatten() {
+            p.chance = per_ply * p.arrives * mean(&p.energy);
+        }
+        self.chances = [per * passing, per * between[0], per * between[1]];
+    }
+
+    /// What passes all plies and is diffracted, with the density of its samples.
+    #[inline]
+    fn passing(&self, b: [f32; 3], f: &mut [f32; N], pdf: &mut f32) {
+        if self.chances[0] <= 0.0 {
+            return;
+        }
+        let light = match (&self.passes, &self.main) {
+            (Passes::Aperture(gap), _) => Some(gap.conserved(b)),
+            (Passes::Edge, Some(main)) => main.ply.edge_eval_pdf(to_ply(&main.frame, b)),
+            _ => None,
+        };
+        if let Some((light, density)) = light {
+            for k in 0..N {
+                f[k] += self.passing * light[k];
+            }
+            *pdf += self.chances[0] * density;
+        }
+    }
+
+    fn between_pdf(&self, b: [f32; 3]) -> f32 {
+        self.chances[if self.between.is_up(b) { 1 } else { 2 }] * b[2].abs().min(1.0) / PI
+    }
+
+    /// f and density in a direction of the pattern, of which those of one ply may be known.
+    #[inline]
+    fn sum(&self, b: [f32; 3], known: Option<(usize, LobeLight<N>)>) -> ([f32; N], f32) {
+        let Some((far, share)) = &self.far else { return self.near(b, known) };
+        let (mut f, mut pdf) = if *share < 1.0 { self.near(b, known) } else { ([0.0; N], 0.0) };
+        f.iter_mut().for_each(|f| *f *= 1.0 - share);
+        pdf *= 1.0 - share;
+        far.add(b, *share, &mut f, &mut pdf);
+        (f, pdf)
+    }
+
+    /// f and density of the point alone.
+    #[inline]
+    fn near(&self, b: [f32; 3], known: Option<(usize, LobeLight<N>)>) -> ([f32; N], f32) {
+        let (mut f, mut pdf) = (self.between.eval(b), self.between_pdf(b));
+        self.passing(b, &mut f, &mut pdf);
+        if let Some(ply) = &self.main {
+            match &known {
+                Some((0, light)) => ply.add(b, to_ply(&ply.frame, b), light, &mut f, &mut pdf),
+                _ => ply.eval_pdf(&self.prepared, b, &mut f, &mut pdf),
+            }
+        }
+        for (i, ply) in self.others.iter().enumerate() {
+            let Some(ply) = ply else { continue };
+            match &known {
+                Some((known, light)) if *known == i + 1 => ply.add(b, to_ply(&ply.frame, b), light, &mut f, &mut pdf),
+                _ => ply.eval_pdf(&Prepared::Nothing, b, &mut f, &mut pdf),
+            }
+        }
+        (f, pdf)
+    }
+
+    /// A direction of the pattern, and the light of the ply that gave it.
+    #[inline]
+    fn draw(&self, u: [f32; 3]) -> Option<Drawn<N>> {
+        let Some((far, share)) = &self.far else { return self.draw_near(u) };
+        if u[0] < *share {
+            return far.draw([clamp_unit(u[0] / share), u[1], u[2]]).map(|w| (w, None));
+        }
+        self.draw_near([clamp_unit((u[0] - share) / (1.0 - share)), u[1], u[2]])
+    }
+
+    #[inline]
+    fn draw_near(&self, u: [f32; 3]) -> Option<Drawn<N>> {
+        let mut remaining = u[0];
+        let rescaled = |remaining: f32, chance: f32| [clamp_unit(remaining / chance), u[1], u[2]];
+        if let Some(ply) = &self.main {
+            if remaining < ply.chance {
+                let drawn = ply.sample(&self.prepared, rescaled(remaining, ply.chance));
+                return drawn.map(|(w, light)| (w, Some((0, light))));
+            }
+            remaining -= ply.chance;
+        }
+        for (i, ply) in self.others.iter().enumerate() {
+            let Some(ply) = ply else { continue };
+            if remaining < ply.chance {
+                let drawn = ply.sample(&Prepared::Nothing, rescaled(remaining, ply.chance));
+                return drawn.map(|(w, light)| (w, Some((i + 1, light))));
+            }
+            remaining -= ply.chance;
+        }
+        for (i, chance) in self.chances.into_iter().enumerate() {
+            if remaining >= chance {
+                remaining -= chance;
+                continue;
+            }
+            let u = rescaled(remaining, chance);
+            let w = match (PASSES + i, &self.passes, &self.main) {
+                (PASSES, Passes::Aperture(gap), _) => gap.conserved_sample(u)?,
+                (PASSES, Passes::Edge, Some(main)) => to_cloth(&main.frame, main.ply.edge_sample(u)?),
+                (UP | DOWN, ..) => {
+                    let (sin, cos) = (TAU * u[2]).sin_cos();
+                    let radius = u[1].sqrt();
+                    let up = if PASSES + i == UP { self.between.up_sign() } else { -self.between.up_sign() };
+                    [radius * cos, radius * sin, up * (1.0 - u[1]).max(0.0).sqrt()]
+                }
+                _ => return None,
+            };
+            return Some((w, None));
+        }
+        None
+    }
+}
+
+impl ClothBsdf<'_, SIGMAS> {
+    /// What a view sees of the plies of one kind of yarn towards `lights`, of absorptions at the nodes of the
+    /// mean.
+    pub(crate) fn seen(&self, kind: usize, lights: &[Toward]) -> Seen {
+        let mut seen = Seen {
+            f: vec![[0.0; SIGMAS]; lights.len()],
+            first: [[0.0; SIGMAS]; CLASSES_A_KIND],
+            passing: self.passing,
+            opening: self.opening,
+        };
+        let mut scatters = |class: usize, arrives: f32, energy: &[f32; SIGMAS]| {
+            (0..SIGMAS).for_each(|k| seen.first[class % CLASSES_A_KIND][k] += arrives * energy[k]);
+        };
+        let is_of = |class: usize| class / CLASSES_A_KIND == kind;
+        if let Some(ply) = self.main.as_ref().filter(|ply| is_of(ply.class)) {
+            scatters(ply.class, ply.arrives, &ply.energy);
+            ply.add_all(&self.prepared, lights, &mut seen.f);
+        }
+        for ply in self.others.iter().flatten().filter(|ply| is_of(ply.class)) {
+            scatters(ply.class, ply.arrives, &ply.energy);
+            let mut prepared = Prepared::Nothing;
+            ply.ply.prepare_into(&mut prepared);
+            ply.add_all(&prepared, lights, &mut seen.f);
+        }
+        seen
+    }
+}
+
+impl<const N: usize> Bsdf<N> for ClothBsdf<'_, N> {
+    fn eval(&self, w: [f32; 3]) -> [f32; N] {
+        self.eval_pdf(w).0
+    }
+
+    fn pdf(&self, w: [f32; 3]) -> f32 {
+        if !is_direction(w) {
+            return 0.0;
+        }
+        let b = to_pattern(self.turn, w);
+        if self.far.is_some() {
+            return self.sum(b, None).1;
+        }
+        let mut pdf = self.between_pdf(b);
+        self.passing(b, &mut [0.0; N], &mut pdf);
+        pdf += self.main.as_ref().map_or(0.0, |ply| ply.pdf(&self.prepared, b));
+        pdf + self.others.iter().flatten().map(|ply| ply.pdf(&Prepared::Nothing, b)).sum::<f32>()
+    }
+
+    fn eval_pdf(&self, w: [f32; 3]) -> ([f32; N], f32) {
+        if !is_direction(w) {
+            return ([0.0; N], 0.0);
+        }
+        self.sum(to_pattern(self.turn, w), None)
+    }
+
+    fn sample(&self, u: [f32; 3]) -> BsdfSample<N> {
+        let u = u.map(clamp_unit);
+        if let Some((b, known)) = self.draw(u) {
+            let (f, pdf) = self.sum(b, known);
+            return match BsdfSample::scattered(b, f, pdf) {
+                BsdfSample::Scattered(s) => {
+                    BsdfSample::Scattered(DirectionSample { w: to_surface(self.turn, s.w), ..s })
+                }
+                other => other,
+            };
+        }
+        BsdfSample::straight(self.straight(), self.outcomes().straight)
+    }
+
+    /// The light that comes back or through, shadows at the mean over directions: what a ply sends out less
+    /// what other yarns catch of it, which is the light between yarns of clear fibers, and the light between
+    /// yarns.
+    fn albedo(&self) -> [f32; N] {
+        let mut albedo = if matches!(self.passes, Passes::Straight) { [0.0; N] } else { [self.passing; N] };
+        let lit = |energy: &[f32; N], arrives: f32, k: usize| arrives * energy[k];
+        for k in 0..N {
+            let plies = self.main.iter().map(|p| lit(&p.energy, p.arrives, k)).sum::<f32>()
+                + self.others.iter().flatten().map(|p| lit(&p.energy, p.arrives, k)).sum::<f32>();
+            albedo[k] +=
+                (plies - self.between.caught[k]).max(0.0) + self.between.energy[0][k] + self.between.energy[1][k];
+            if let Some((far, share)) = &self.far {
+                albedo[k] += share * (far.albedo(k) - albedo[k]);
+            }
+        }
+        albedo
+    }
+
+    fn straight(&self) -> [f32; N] {
+        let straight = if matches!(self.passes, Passes::Straight) { self.passing } else { 0.0 };
+        let far = self.far.as_ref().map_or(0.0, |(far, share)| share * (far.straight() - straight));
+        [straight + far; N]
+    }
+
+    fn outcomes(&self) -> Outcomes {
+        let scattered = self.chances.iter().sum::<f32>()
+            + self.main.iter().map(|p| p.chance).sum::<f32>()
+            + self.others.iter().flatten().map(|p| p.chance).sum::<f32>();
+        let far = self.far.as_ref().map_or(0.0, |(far, share)| share * (far.scattered() - scattered));
+        let scattered = scattered + far;
+        let rest = (1.0 - scattered).max(0.0);
+        if Bsdf::<N>::straight(self).iter().any(|e| *e > 0.0) {
+            Outcomes { scattered, straight: rest, absorbed: 0.0 }
+        } else {
+            Outcomes { scattered, straight: 0.0, absorbed: rest }
+        }
+    }
+}

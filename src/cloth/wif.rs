@@ -1,0 +1,321 @@
+//! WIF, the weavers' exchange format ("Weaving Information File" 1.1, R. Nielsen and others, 1997): an INI
+//! file with threading, tie-up and treadling or lift plan, colors, and distances of yarns; from it the draft,
+//! the color of each yarn and the spacings.
+//!
+//! Sections and keys count in any case; `;` begins a comment; yarns, shafts, treadles and colors are numbered
+//! from 1, and 0 stands for none. A shaft is named at a pick by a treadle that is pressed, or by the lift
+//! plan. With `Rising Shed` the warp is on top where a shaft of the end is named, without it where none is.
+//!
+//! Files depart from the format in many ways. What is read all the same comes with a [`WifNote`]; an error is
+//! left for what gives no draft. Departures of this reader: a file without `Rising Shed` has a rising shed,
+//! as programs take it, where the format has optional booleans false. A lift plan is taken before tie-up and
+//! treadling, on which the format is silent.
+
+mod colors;
+mod note;
+mod spacing;
+mod text;
+
+pub use note::{WifNote, WifNoteKind};
+pub use spacing::WifSpacing;
+
+use super::YarnSet;
+use super::draft::{Draft, MAX_THREADS};
+use super::layers::Layer;
+use super::names::{numbered, words};
+use crate::Result;
+use note::Notes;
+use text::{Ini, Rows};
+
+/// Most shafts and treadles; a Jacquard loom has a shaft an end.
+const MAX_SHAFTS: usize = MAX_THREADS;
+
+/// What a WIF says of a weave.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Wif {
+    /// The draft of the yarns that are woven, in the order of the file.
+    pub draft: Draft,
+    /// Color of each end [sRGB, 0 to 1], empty where the file has none.
+    pub warp_srgb: Vec<[f32; 3]>,
+    /// Color of each pick.
+    pub weft_srgb: Vec<[f32; 3]>,
+    /// Distance from end to end and from pick to pick, where the file has one.
+    pub spacing: [Option<WifSpacing>; 2],
+    /// What was taken where the file says nothing or is wrong, a note a kind.
+    pub notes: Vec<WifNote>,
+}
+
+impl Wif {
+    /// Reads a WIF in UTF-8, UTF-16 or an older encoding; `file` is for messages.
+    ///
+    /// # Errors
+    /// [`crate::Error::Format`] when it is no WIF, [`crate::Error::Invalid`] naming section and key for what
+    /// gives no draft: a section without which there is none, text in place of numbers, numbers beyond
+    /// [`MAX_THREADS`], and yarns of which none is bound.
+    pub fn parse(bytes: &[u8], file: &str) -> Result<Wif> {
+        let mut notes = Notes::default();
+        let ini = Ini::read(bytes, file, &mut notes)?;
+        check_contents(&ini, &mut notes);
+        let threading = ini.loom_rows("THREADING", MAX_SHAFTS, &mut notes)?;
+        if threading.lines.is_empty() {
+            return Err(missing(&ini, "THREADING", "give the shaft of each end"));
+        }
+        let plans = Plans::read(&ini, &threading, &mut notes)?;
+        let rising = ini.truth("WEAVING", "Rising Shed")?;
+        match rising {
+            Some(true) => {}
+            Some(false) => notes.add(
+                WifNoteKind::Shed,
+                "[WEAVING] Rising Shed = false: the shafts that are named sink, and the warp is on top where none does"
+                    .into(),
+            ),
+            None => notes.add(WifNoteKind::Shed, "no Rising Shed in [WEAVING]: the shafts that are named rise".into()),
+        }
+        let ends = threads(&ini, YarnSet::Warp, threading.count(), &mut notes)?;
+        let picks = threads(&ini, YarnSet::Weft, plans.picks(), &mut notes)?;
+        let threading = threading.fit(ends, &mut notes);
+        let (section, named) = plans.named(picks, &mut notes);
+        let drawdown = |named: &[Shafts]| {
+            drawdown(&threading, named, rising != Some(false))
+                .ok_or_else(|| ini.invalid("WARP", "Threads", ends, format!("use 1 to {MAX_THREADS} threads")))
+        };
+        let full = drawdown(&named[0])?;
+        if let Some(other) = named.get(1) {
+            compare(&full, &drawdown(other)?, &mut notes);
+        }
+        let unused = [
+            threading.iter().map(Vec::is_empty).collect::<Vec<bool>>(),
+            named[0].iter().map(Shafts::is_empty).collect::<Vec<bool>>(),
+        ];
+        let kept = woven(&full, unused, &mut notes);
+        let [warp, weft] = &kept;
+        let Some(draft) = Draft::from_fn(weft.len(), warp.len(), |pick, end| full.up(weft[pick], warp[end])) else {
+            let hint = "bind the yarns: each must pass at least once above and once below another".into();
+            return Err(ini.invalid(section, "1", "a draft in which no yarn binds another", hint));
+        };
+        if let Some(text) = Layer::note(&draft.layers_apart(), &kept) {
+            notes.add(WifNoteKind::FallsApart, text);
+        }
+        let [warp_srgb, weft_srgb] = colors::colors(&ini, [ends, picks], &kept, &mut notes)?;
+        let spacing = YarnSet::EACH.map(|family| spacing::spacing(&ini, family, &kept[family as usize], &mut notes));
+        Ok(Wif { draft, warp_srgb, weft_srgb, spacing, notes: notes.finish() })
+    }
+}
+
+fn section_of(family: YarnSet) -> &'static str {
+    match family {
+        YarnSet::Warp => "WARP",
+        YarnSet::Weft => "WEFT",
+    }
+}
+
+fn colors_of(family: YarnSet) -> &'static str {
+    match family {
+        YarnSet::Warp => "WARP COLORS",
+        YarnSet::Weft => "WEFT COLORS",
+    }
+}
+
+fn missing(ini: &Ini<'_>, section: &str, hint: &str) -> crate::Error {
+    let state = if ini.has(section) { "is empty" } else { "is missing" };
+    ini.invalid(section, "1", "(absent)", format!("the section [{section}] {state}; {hint}"))
+}
+
+/// Tells of sections that are announced and not there; contents are a hint, the sections count.
+fn check_contents(ini: &Ini<'_>, notes: &mut Notes) {
+    let names =
+        ["WEAVING", "WARP", "WEFT", "THREADING", "TIEUP", "TREADLING", "LIFTPLAN", "COLOR PALETTE", "COLOR TABLE"];
+    let colors = ["WARP COLORS", "WEFT COLORS"];
+    let announced = |name: &&str| ini.truth("CONTENTS", name).is_ok_and(|told| told == Some(true));
+    let absent: Vec<&str> = names.into_iter().chain(colors).filter(|name| announced(name) && !ini.has(name)).collect();
+    if !absent.is_empty() {
+        let finding = format!("[CONTENTS] announces {}, which the file lacks", absent.join(", "));
+        notes.add(WifNoteKind::Contents, finding);
+    }
+}
+
+/// The yarns of a family: as many as are declared, else as the lines say.
+fn threads(ini: &Ini<'_>, family: YarnSet, lines: usize, notes: &mut Notes) -> Result<usize> {
+    let section = section_of(family);
+    if let Some(declared) = ini.count(section, "Threads", MAX_THREADS)? {
+        return Ok(declared);
+    }
+    if lines > MAX_THREADS {
+        let hint = format!("the lines go to {lines}; use 1 to {MAX_THREADS}");
+        return Err(ini.invalid(section, "Threads", "(absent)", hint));
+    }
+    let [_, several] = words(family);
+    notes.add(WifNoteKind::Threads, format!("no Threads in [{section}]: {lines} {several}, as the lines say"));
+    Ok(lines)
+}
+
+/// Tells of shafts or treadles beyond those declared.
+fn check_loom(ini: &Ini<'_>, key: &str, used: usize, notes: &mut Notes) -> Result<()> {
+    match ini.count("WEAVING", key, MAX_SHAFTS)? {
+        Some(declared) if declared >= used => {}
+        Some(declared) => {
+            let finding =
+                format!("[WEAVING] {key} = {declared}, but number {used} is used: the loom is taken to have {used}");
+            notes.add(WifNoteKind::Loom, finding);
+        }
+        None => notes.add(WifNoteKind::Loom, format!("no {key} in [WEAVING]: {used}, the greatest number used")),
+    }
+    Ok(())
+}
+
+/// Shafts as bits.
+struct Shafts(Vec<u64>);
+
+impl Shafts {
+    /// Of numbers from 1.
+    fn of(numbers: &[u64]) -> Shafts {
+        let mut set = Shafts(Vec::new());
+        for &number in numbers {
+            let (word, bit) = (number as usize / 64, number % 64);
+            if set.0.len() <= word {
+                set.0.resize(word + 1, 0);
+            }
+            set.0[word] |= 1 << bit;
+        }
+        set
+    }
+
+    fn has(&self, number: u64) -> bool {
+        self.0.get(number as usize / 64).is_some_and(|word| word >> (number % 64) & 1 == 1)
+    }
+
+    fn add(&mut self, other: &Shafts) {
+        if self.0.len() < other.0.len() {
+            self.0.resize(other.0.len(), 0);
+        }
+        self.0.iter_mut().zip(&other.0).for_each(|(a, b)| *a |= b);
+    }
+
+    fn meets(&self, other: &Shafts) -> bool {
+        self.0.iter().zip(&other.0).any(|(a, b)| a & b != 0)
+    }
+
+    fn is_empty(&self) -> bool {
+        self.0.is_empty()
+    }
+}
+
+/// Ways in which a file names the shafts of each pick; one of them at least.
+struct Plans {
+    lift: Option<Rows>,
+    /// Treadles of each pick, and the shafts tied to each treadle, counted from 0.
+    treadles: Option<(Rows, Vec<Vec<u64>>)>,
+}
+
+impl Plans {
+    fn read(ini: &Ini<'_>, threading: &Rows, notes: &mut Notes) -> Result<Plans> {
+        let [lift, tieup, treadling] =
+            ["LIFTPLAN", "TIEUP", "TREADLING"].map(|section| ini.loom_rows(section, MAX_SHAFTS, notes));
+        let (lift, tieup, treadling) = (lift?, tieup?, treadling?);
+        let shafts = [threading, &lift, &tieup].map(Rows::greatest).into_iter().max().unwrap_or(0);
+        check_loom(ini, "Shafts", shafts, notes)?;
+        let whole = !tieup.lines.is_empty() && !treadling.lines.is_empty();
+        let treadles = whole.then(|| {
+            let used = treadling.greatest();
+            let declared = check_loom(ini, "Treadles", used, notes);
+            let rows = tieup.count().min(MAX_SHAFTS).max(used);
+            declared.map(|()| (treadling, tieup.fit(rows, notes)))
+        });
+        let treadles = treadles.transpose()?;
+        let lift = (!lift.lines.is_empty()).then_some(lift);
+        if lift.is_none() && treadles.is_none() {
+            let hint = "give either [LIFTPLAN], or [TIEUP] and [TREADLING]";
+            let section = if ini.has("TREADLING") && !ini.has("TIEUP") { "TIEUP" } else { "TREADLING" };
+            return Err(missing(ini, section, hint));
+        }
+        Ok(Plans { lift, treadles })
+    }
+
+    /// Picks for which there are lines.
+    fn picks(&self) -> usize {
+        let rows = self.lift.iter().chain(self.treadles.as_ref().map(|(rows, _)| rows));
+        rows.map(Rows::count).max().unwrap_or(0)
+    }
+
+    /// The section that counts, and the shafts that it names at each pick; then those of the other way, where
+    /// the file has both.
+    fn named(self, picks: usize, notes: &mut Notes) -> (&'static str, Vec<Vec<Shafts>>) {
+        let section = if self.lift.is_some() { "LIFTPLAN" } else { "TREADLING" };
+        let mut all = Vec::new();
+        if let Some(rows) = self.lift {
+            all.push(rows.fit(picks, notes).iter().map(|list| Shafts::of(list)).collect());
+        }
+        if let Some((rows, tieup)) = self.treadles {
+            let tied: Vec<Shafts> = tieup.iter().map(|list| Shafts::of(list)).collect();
+            let of = |pressed: &Vec<u64>| {
+                let mut set = Shafts(Vec::new());
+                pressed.iter().filter_map(|n| tied.get(*n as usize - 1)).for_each(|shafts| set.add(shafts));
+                set
+            };
+            all.push(rows.fit(picks, notes).iter().map(of).collect());
+        }
+        (section, all)
+    }
+}
+
+/// The draft of all ends and picks; `None` for more than a draft holds.
+fn drawdown(threading: &[Vec<u64>], named: &[Shafts], rising: bool) -> Option<Draft> {
+    // Nearly always an end is on one shaft; a file may put it on thousands.
+    let many: Vec<Option<Shafts>> = threading.iter().map(|list| (list.len() > 8).then(|| Shafts::of(list))).collect();
+    Draft::from_fn(named.len(), threading.len(), |pick, end| {
+        let is_named = match &many[end] {
+            None => threading[end].iter().any(|n| named[pick].has(*n)),
+            Some(set) => set.meets(&named[pick]),
+        };
+        is_named == rising
+    })
+}
+
+/// Tells by how much tie-up and treadling differ from the lift plan.
+fn compare(plan: &Draft, other: &Draft, notes: &mut Notes) {
+    let crossings = (plan.ends() * plan.picks()) as f64;
+    let differ = plan.differences(other) as f64;
+    if differ > 0.0 {
+        let percent = |share: f64| (1000.0 * share).round() / 10.0;
+        notes.add(
+            WifNoteKind::LiftPlan,
+            format!(
+                "[LIFTPLAN] differs from [TIEUP] and [TREADLING] at {} % of the crossings: the lift plan is taken, with the warp on top at {} %; by the \
+                 other it were {} %",
+                percent(differ / crossings).max(0.1),
+                percent(plan.warp_share()),
+                percent(other.warp_share())
+            ),
+        );
+    }
+}
+
+/// The ends and picks that are woven, from 0. Left out are yarns that are `unused` and then, until each
+/// passes once above and once below another, yarns that lie loose on the face or the back.
+fn woven(full: &Draft, unused: [Vec<bool>; 2], notes: &mut Notes) -> [Vec<usize>; 2] {
+    let kinds = [
+        (WifNoteKind::UnthreadedEnds, "on no shaft, bound by no pick"),
+        (WifNoteKind::EmptyPicks, "no shaft moves, bound by no end"),
+    ];
+    for (k, family) in YarnSet::EACH.into_iter().enumerate() {
+        let list: Vec<usize> = (1..=unused[k].len()).filter(|n| unused[k][n - 1]).collect();
+        if !list.is_empty() {
+            let (kind, why) = kinds[k];
+            notes.add(kind, format!("{} left out: {why}", numbered(words(family), &list)));
+        }
+    }
+    let mut is_kept = unused.map(|list| list.into_iter().map(|unused| !unused).collect::<Vec<bool>>());
+    let loose = full.peel(&mut is_kept);
+    for family in YarnSet::EACH {
+        for (up, side) in [(true, "above"), (false, "below")] {
+            let mut list: Vec<usize> = loose.iter().filter(|l| (l.0, l.2) == (family, up)).map(|l| l.1 + 1).collect();
+            list.sort_unstable();
+            if !list.is_empty() {
+                let across = words(family.other())[1];
+                let finding = format!("{} left out, loose {side} all {across}", numbered(words(family), &list));
+                notes.add(WifNoteKind::LooseYarns, finding);
+            }
+        }
+    }
+    is_kept.map(|kept| (0..kept.len()).filter(|at| kept[*at]).collect())
+}

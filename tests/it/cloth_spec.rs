@@ -1,0 +1,147 @@
+//! Cloth specs: those that ship are read and written again, invalid ones are refused in one line that names
+//! section, key and hint, and none panics.
+
+use plywave::cloth::{ClothSpec, Draft, MAX_THREADS, WeaveSpec};
+use proptest::prelude::*;
+use std::path::{Path, PathBuf};
+
+fn folder() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("fabrics/cloths")
+}
+
+fn satin() -> String {
+    std::fs::read_to_string(folder().join("satin.toml")).unwrap()
+}
+
+fn satin_with(old: &str, new: &str) -> String {
+    let text = satin();
+    assert!(text.contains(old), "{old}");
+    text.replacen(old, new, 1)
+}
+
+/// The satin's yarns in another weave.
+fn woven(weave: &str) -> String {
+    satin_with("kind = \"satin\"\nn = 5\nstep = 2\n", &format!("{weave}\n"))
+}
+
+fn one_line<T>(result: &plywave::Result<T>) -> String {
+    let message = result.as_ref().err().map(ToString::to_string).unwrap_or_default();
+    assert!(!message.contains(['\n', '\r']), "{message:?}");
+    message
+}
+
+#[test]
+fn cloths_that_ship_are_read_and_written() {
+    let mut count = 0;
+    for entry in std::fs::read_dir(folder()).unwrap() {
+        let path = entry.unwrap().path();
+        if path.extension().is_none_or(|e| e != "toml") {
+            continue;
+        }
+        let text = std::fs::read_to_string(&path).unwrap();
+        let spec = ClothSpec::parse(&text, "shipped").unwrap_or_else(|e| panic!("{}: {e}", path.display()));
+        assert_eq!(ClothSpec::parse(&toml::to_string(&spec).unwrap(), "again").unwrap(), spec);
+        assert_eq!(spec.yarns().len(), if spec.weave.is_some() { 2 } else { 1 });
+        for yarn in spec.yarns() {
+            let ships = |model: &String| {
+                folder().join(model).exists() || folder().join(format!("../models/{model}.pwm")).exists()
+            };
+            assert!(yarn.model.as_ref().is_none_or(ships), "{}: {:?}", path.display(), yarn.model);
+        }
+        count += 1;
+    }
+    assert!(count > 6, "{count} cloths");
+    assert_eq!(ClothSpec::parse(&satin(), "satin").unwrap().draft(), Draft::satin(5, 2));
+}
+
+#[test]
+fn refusals_name_key_value_and_mend() {
+    let cases = [
+        (satin_with("ends_per_cm = ", "ends_per_cm = -"), "warp.ends_per_cm = -"),
+        (satin_with("ends_per_cm = ", "ends_per_mm = "), "warp.ends_per_mm = "),
+        (satin_with("[warp]", "[warp]\nwidth = 3"), "warp.width = 3: unknown key: use one of model, count"),
+        (satin_with("[warp]", "[warp]\nhandedness = \"X\""), "warp.handedness = \"X\": use one of \"Z\", \"S\""),
+        (satin_with("[warp]", "[warp]\nplies = 8"), "warp.plies = 8: use an integer from 1 to 7"),
+        (satin_with("[warp]", "[warp]\nmodel = \"\"").replacen("model = \"plies", "# \"plies", 1), "warp.model = \"\""),
+        (satin_with("name = ", "fiber = {}\nname = "), "fiber = {}: this is a key of a yarn spec"),
+        (satin_with("name = ", "color_of = \"red\"\nname = "), "color_of = \"red\": use one of \"even_sky\""),
+        (satin_with("[weft]", "[woof]"), "woof = {"),
+        (
+            woven("kind = \"velvet\""),
+            "weave.kind = \"velvet\": use one of \"plain\", \"twill\", \"satin\", \"basket\", \"layers\", \"draft\", \"wif\"",
+        ),
+        (woven(""), "weave.kind = (absent): use one of"),
+        (woven("kind = \"plain\"\nn = 2"), "weave.n = 2: unknown key: this kind has none"),
+        (woven("kind = \"twill\"\nup = 3"), "weave.down = (absent)"),
+        (woven("kind = \"twill\"\nup = 0\ndown = 1"), "weave.up = 0: use an integer from 1 to 2048"),
+        (
+            woven("kind = \"satin\"\nn = 8\nstep = 2"),
+            "weave.step = 2: step and n = 8 must have no common factor; use one of 3, 5",
+        ),
+        (woven("kind = \"satin\"\nn = 6\nstep = 2"), "weave.step = 2: no satin has 6 ends"),
+        (woven("kind = \"satin\"\nn = 5\nstep = 4"), "weave.step = 4: step and n = 5"),
+        (woven("kind = \"satin\"\nn = 4\nstep = 2"), "weave.n = 4: use an integer from 5 to 4096"),
+        (woven("kind = \"basket\"\nn = 4000"), "weave.n = 4000: use an integer from 1 to 2048"),
+        (woven("kind = \"draft\"\nrows = []"), "weave.rows = 0 rows: use 1 to 4096 rows"),
+        (woven("kind = \"draft\"\nrows = [\"X.\", \".X.\"]"), "weave.rows[1] = 3 characters: use rows of one length"),
+        (woven("kind = \"draft\"\nrows = [\"X.\", \".x\"]"), "weave.rows[1] = .x: use X where"),
+        (
+            woven("kind = \"draft\"\nrows = [\"X.\", \"..\"]"),
+            "weave.rows = row 2, whose weft lies above all others: bind every yarn",
+        ),
+        (
+            woven("kind = \"draft\"\nrows = [\"XX.\", \"X.X\"]"),
+            "weave.rows = column 1, whose warp lies above all others",
+        ),
+        ("name = \"a\"\n[weave\n".into(), "line 2: "),
+        (String::new(), "name = (absent)"),
+    ];
+    for (text, expected) in cases {
+        let message = one_line(&ClothSpec::parse(&text, "cloth.toml"));
+        assert!(message.starts_with("cloth.toml: ") && message.contains(expected), "got {message}\nwant {expected}");
+    }
+    let wide = format!("kind = \"draft\"\nrows = [\"{}\"]", "X".repeat(MAX_THREADS + 1));
+    let message = one_line(&ClothSpec::parse(&woven(&wide), "cloth.toml"));
+    assert!(message.contains("1 to 4096; the first has 4097"), "{message}");
+}
+
+/// Colors, stripes and slits contradict each other.
+#[test]
+fn colors_and_slits_are_held_together() {
+    let spec = |warp: &str| crate::small_cloth::spec([warp, ""]);
+    for (warp, expected) in [
+        ("srgb = [0.5, 0.06]", "warp.srgb = [0.5, 0.06]: use three numbers"),
+        ("srgb = [255, 6, 12]", "warp.srgb = [255, 6, 12]: use three numbers from 0 to 1"),
+        ("srgb = [0.5, 0.1, 0.1]\nsigma_per_um = 0.1", "warp.sigma_per_um = 0.1: give either srgb or"),
+        ("stripes = [{ count = 0, srgb = [1, 0, 0] }]", "warp.stripes = "),
+        ("stripes = [{ count = 5000, srgb = [1, 0, 0] }]", "4096 yarns at most"),
+        ("stripes = [{ count = 1, srgb = [1, 0, 2] }]", "use stripes such as"),
+        ("stripes = [{ count = 1, srgb = [1, 0, 0] }]\nsigma_per_um = 0.1", "warp.stripes = 1 stripes: give either"),
+        ("slit_share = 0.2", "warp.slit_share = 0.2: give slit_um"),
+    ] {
+        let message = one_line(&ClothSpec::parse(&spec(warp), "cloth.toml"));
+        assert!(message.starts_with("cloth.toml: ") && message.contains(expected), "got {message}\nwant {expected}");
+    }
+    let striped = spec("stripes = [{ count = 2, srgb = [1, 0, 0] }, { count = 1, srgb = [0, 0, 1] }]");
+    let spec = ClothSpec::parse(&striped, "striped").unwrap();
+    assert_eq!(spec.yarns()[0].stripes.iter().map(|stripe| stripe.count).collect::<Vec<_>>(), [2, 1]);
+    assert!(matches!(spec.weave, Some(WeaveSpec::Plain {})));
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 2000, failure_persistence: None, ..ProptestConfig::default() })]
+
+    #[test]
+    fn mutated_specs_are_parsed_or_refused(at in 0.0..1.0f64, cut in 0usize..12, new in "[-0-9a-zX_.=\\[\\]{}\"\n, ]{0,8}") {
+        let text = satin();
+        let start = text.floor_char_boundary((at * text.len() as f64) as usize);
+        let end = text.floor_char_boundary((start + cut).min(text.len()));
+        let result = ClothSpec::parse(&format!("{}{new}{}", &text[..start], &text[end..]), "cloth.toml");
+        one_line(&result);
+        if let Ok(spec) = result {
+            for yarn in spec.yarns() {
+                prop_assert!(yarn.strand_radius_um() > 0.0 && yarn.radius_um().is_finite());
+            }
+        }
+    }
+}
