@@ -21,7 +21,6 @@
 //! microfacets their missing energy in this form.)
 
 use super::splines;
-use crate::color::AlbedoCurve;
 use crate::math::simd::{max, min};
 use multiversion::multiversion;
 
@@ -60,9 +59,6 @@ pub(crate) struct Side {
 #[derive(Clone, Debug)]
 pub(crate) struct InterYarn {
     pub(crate) sides: [Side; 2],
-    /// By node of absorption of both kinds alike, of clear fibers first: scattered light of all orders
-    /// over the light that meets fibers, under light from everywhere.
-    pub(crate) albedo: [f64; SIGMAS],
 }
 
 /// v of the nodes; the last one stands for infinite absorption.
@@ -125,12 +121,6 @@ pub(crate) fn dot<const T: usize>(a: &[f32; T], b: &[f32; T]) -> f32 {
 }
 
 impl InterYarn {
-    /// The color of the cloth over the absorption, under a sky all round: what it scatters of the light that
-    /// meets its fibers.
-    pub(crate) fn curve(&self) -> AlbedoCurve {
-        AlbedoCurve::of_nodes(f64::from(LENGTH_UM), V.iter().zip(self.albedo).map(|(v, a)| (f64::from(*v), a)))
-    }
-
     pub(crate) fn memory_bytes(&self) -> usize {
         self.sides
             .iter()

@@ -3,8 +3,7 @@
 //!
 //! All are of a cloth whose yarns all have the same absorption, at nodes of it:
 //!
-//! - under a sky all round, light that was scattered over the light that met fibers, as the light between
-//!   yarns counts it (`between.rs`);
+//! - under a sky all round, light that was scattered over the light that met fibers; cloth files have it;
 //! - reflected: R of the cloth's face, mean over views by their cosine, of light that is even over the
 //!   viewer's half;
 //! - folded: R of a pile of sheets, face up and face down in turn, seen 8 degrees off the normal under light
@@ -13,7 +12,7 @@
 //!   other side, `Y = R_f + T_f X T_b / (1 - R_b X)`, and alike for X; of a pile without end that neither
 //!   absorbs nor lets through, 1.
 //!
-//! R and T are means over places and samples of the cloth as it is shaded, clear fibers' scaled to lose
+//! R and T are means over places and samples of the cloth as it is shaded by rays, clear fibers' scaled to lose
 //! nothing.
 
 use super::model::ClothModel;
@@ -48,9 +47,11 @@ impl ColorOf {
     }
 }
 
-/// Nodes of absorption at which R and T are found, even in `1 / (1 + sigma L)` with L = 150 um, as are those
-/// of the light between yarns, and one between each two.
-const NODES: usize = 15;
+/// Nodes of absorption at which R and T are found, dense towards infinite absorption in `v = 1 / (1 + sigma L)`
+/// with L = 150 um: at 0.1 and 1 per um a cloth's reflectance differs by a factor of two.
+pub(crate) const NODES: usize = 22;
+/// v falls by this power of the node.
+const POWER: f64 = 1.5;
 /// Absorption of the last node [1/um], for an infinite one.
 const DARKEST: f64 = 3.0;
 /// Length L [um].
@@ -70,21 +71,28 @@ fn sigma_of(v: f64) -> f64 {
 }
 
 fn v_of(node: usize) -> f64 {
-    1.0 - node as f64 / (NODES - 1) as f64
+    (1.0 - node as f64 / (NODES - 1) as f64).powf(POWER)
 }
 
-/// R and T at the nodes.
+/// The curve of values at the nodes.
+pub(crate) fn of_nodes(values: &[f64; NODES]) -> AlbedoCurve {
+    AlbedoCurve::of_nodes(LENGTH_UM, values.iter().enumerate().map(|(node, value)| (v_of(node), *value)))
+}
+
+/// R and T at the nodes, and what of T passes between fibers.
 struct Light {
     r: [f64; NODES],
     t: [f64; NODES],
+    straight: f64,
 }
 
 impl Light {
     /// Between the nodes.
     fn at(&self, v: f64) -> [f64; 2] {
-        let x = (1.0 - v).clamp(0.0, 1.0) * (NODES - 1) as f64;
+        let x = (1.0 - v.clamp(0.0, 1.0).powf(1.0 / POWER)) * (NODES - 1) as f64;
         let node = (x as usize).min(NODES - 2);
-        [&self.r, &self.t].map(|of| of[node] + (x - node as f64) * (of[node + 1] - of[node]))
+        let share = (v_of(node) - v) / (v_of(node) - v_of(node + 1));
+        [&self.r, &self.t].map(|of| of[node] + share * (of[node + 1] - of[node]))
     }
 }
 
@@ -92,7 +100,7 @@ impl Light {
 fn light(cloth: &ClothModel, is_face: bool, cosine: Option<f64>) -> Light {
     let sigma: [f32; NODES] = std::array::from_fn(|node| sigma_of(v_of(node)) as f32);
     let [a, b] = cloth.cell_um();
-    let (mut r, mut t) = ([0.0; NODES], [0.0; NODES]);
+    let (mut r, mut t, mut passes) = ([0.0; NODES], [0.0; NODES], 0.0);
     for k in 0..SAMPLES {
         // An even sequence of seven numbers (Roberts 2018).
         let even = |step: f64| (0.5 + k as f64 * step).fract();
@@ -107,6 +115,7 @@ fn light(cloth: &ClothModel, is_face: bool, cosine: Option<f64>) -> Light {
         let query = ClothQuery { sigma_per_um: [Some(sigma); 2], ..ClothQuery::new(at, wo, [0.55; NODES]) };
         let bsdf = cloth.at(&query);
         let (straight, sample) = (bsdf.straight(), bsdf.sample(u));
+        passes += f64::from(straight[0]);
         for i in 0..NODES {
             t[i] += f64::from(straight[i]);
             if let Some(sample) = sample.direction() {
@@ -117,7 +126,7 @@ fn light(cloth: &ClothModel, is_face: bool, cosine: Option<f64>) -> Light {
     }
     // Clear fibers lose nothing.
     let per = 1.0 / (r[0] + t[0]).max(f64::MIN_POSITIVE);
-    Light { r: r.map(|v| v * per), t: t.map(|v| v * per) }
+    Light { r: r.map(|v| v * per), t: t.map(|v| v * per), straight: passes * per }
 }
 
 /// Reflectance of a sheet of these R and T, from above and from below, that lies on a pile.
@@ -125,14 +134,20 @@ fn on_pile([r, t]: [f64; 2], [from_below_r, from_below_t]: [f64; 2], pile: f64) 
     r + t * pile * from_below_t / (1.0 - from_below_r * pile).max(1e-12)
 }
 
-/// The curve of a meaning; of a cloth that is shaded by rays. `even_sky` is the curve of the first meaning.
-pub(crate) fn curve(cloth: &ClothModel, of: ColorOf, even_sky: &AlbedoCurve) -> AlbedoCurve {
+/// Albedo under a sky all round at the nodes, of a cloth that is shaded by rays.
+pub(crate) fn albedo(cloth: &ClothModel) -> [f64; NODES] {
+    let sides = [true, false].map(|is_face| light(cloth, is_face, None));
+    let scattered = |node: usize| sides.iter().map(|side| side.r[node] + side.t[node] - side.straight).sum::<f64>();
+    // Clear fibers send out all that meets them.
+    let met = scattered(0).max(f64::MIN_POSITIVE);
+    std::array::from_fn(|node| (scattered(node) / met).clamp(0.0, 1.0))
+}
+
+/// The curve of a meaning; of a cloth that is shaded by rays.
+pub(crate) fn curve(cloth: &ClothModel, of: ColorOf) -> AlbedoCurve {
     match of {
-        ColorOf::EvenSky => even_sky.clone(),
-        ColorOf::Reflected => {
-            let face = light(cloth, true, None);
-            AlbedoCurve::of_nodes(LENGTH_UM, (0..NODES).map(|node| (v_of(node), face.r[node])))
-        }
+        ColorOf::EvenSky => cloth.even_sky.clone(),
+        ColorOf::Reflected => of_nodes(&light(cloth, true, None).r),
         ColorOf::Folded => {
             let (near, face, back) =
                 (light(cloth, true, Some(COS_8_DEG)), light(cloth, true, None), light(cloth, false, None));

@@ -6,7 +6,7 @@ use super::query::ClothOptions;
 use super::shade::ClothShadows;
 use super::shadow::{self, LANES, ROWS};
 use super::splines::COUNT;
-use super::{ClothCurves, ClothYarn, PlyCurve};
+use super::{ClothCurves, ClothYarn, PlyCurve, color_of};
 use crate::io::{Axis, Check, Document, FileKind, Provenance, Reader, Writer, document, invalid};
 use crate::spec::YarnSpec;
 use crate::{PlyModel, Result};
@@ -36,6 +36,9 @@ pub struct ClothData {
     pub colors: [Vec<[f32; 3]>; 2],
     pub(crate) shadows: ClothShadows,
     pub(crate) between: InterYarn,
+    /// By node of absorption of both kinds alike, of clear fibers first: scattered light of all orders over the
+    /// light that meets fibers, under light from everywhere.
+    pub(crate) albedo: [f64; color_of::NODES],
     pub(crate) far: Option<FarData>,
 }
 
@@ -142,7 +145,7 @@ impl Document for ClothData {
             "between_caught",
             "between_leaves",
             "between_shape",
-            "between_albedo",
+            "albedo",
             "far_f",
             "far_first",
             "far_passing",
@@ -201,7 +204,7 @@ impl Document for ClothData {
         let leaves = of(&|s| s.leaves.as_flattened().to_vec());
         w.f32("between_leaves", &[2, CLASSES, 2, 2, PAIRS, FEW], leaves.into_iter());
         w.f32("between_shape", &[2, 2, PAIRS, TERMS], of(&|s| s.shape.as_flattened().to_vec()).into_iter());
-        w.f64("between_albedo", &[SIGMAS], &self.between.albedo);
+        w.f64("albedo", &[color_of::NODES], &self.albedo);
         if let Some(far) = &self.far {
             let kinds = self.kinds();
             w.f16("far_f", &[kinds, VIEWS, COLUMNS, NODES, SIGMAS], far.f.as_flattened().iter().copied());
@@ -251,9 +254,9 @@ impl Document for ClothData {
                 shape: shape[of(shape.len())].to_vec(),
             }
         };
-        let mut albedo = [0.0; SIGMAS];
-        albedo.copy_from_slice(&r.f64("between_albedo", &[SIGMAS])?);
-        let between = InterYarn { sides: [side(0), side(1)], albedo };
+        let between = InterYarn { sides: [side(0), side(1)] };
+        let mut albedo = [0.0; color_of::NODES];
+        albedo.copy_from_slice(&r.f64("albedo", &[color_of::NODES])?);
         let far = if r.has("far_f") {
             let kinds = models.len();
             let f = rows(r.f16("far_f", &[kinds, VIEWS, COLUMNS, NODES, SIGMAS])?);
@@ -278,6 +281,7 @@ impl Document for ClothData {
             colors: keys.colors.clone(),
             shadows,
             between,
+            albedo,
             far,
         })
     }
@@ -295,7 +299,7 @@ impl Document for ClothData {
             c.range_f32("between_leaves", side.leaves.as_flattened(), -1e3, 1e3)?;
             c.range_f32("between_shape", side.shape.as_flattened(), -1e6, 1e6)?;
         }
-        c.range("between_albedo", &self.between.albedo, 0.0, 2.0)?;
+        c.range("albedo", &self.albedo, 0.0, 1.0)?;
         if let Some(far) = &self.far {
             c.range_f32("far_f", far.f.as_flattened(), 0.0, 65504.0)?;
             c.range_f32("far_first", far.first.as_flattened().as_flattened(), 0.0, 10.0)?;

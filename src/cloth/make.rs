@@ -1,6 +1,5 @@
 //! All that shading needs of a cloth, found by lines and paths through it.
 
-use super::ClothCurves;
 use super::between::InterYarn;
 use super::far::FarData;
 use super::file::ClothData;
@@ -9,6 +8,7 @@ use super::model::ClothModel;
 use super::plies::ClothPlies;
 use super::query::{ClothOptions, GapLight};
 use super::shade::ClothShadows;
+use super::{ClothCurves, color_of};
 use crate::math::half::{from_half, to_half};
 use crate::{PlyModel, Result};
 use std::sync::Arc;
@@ -44,8 +44,11 @@ impl ClothData {
             colors: Default::default(),
             shadows,
             between,
+            albedo: [0.0; color_of::NODES],
             far: None,
         };
+        told("albedo")?;
+        data.albedo = color_of::albedo(&ClothModel::from_data(data.clone(), &ClothOptions::RAYS)?);
         if has_far {
             told("mean over the cell")?;
             let options = ClothOptions { gaps: GapLight::Diffracted, ..ClothOptions::RAYS };

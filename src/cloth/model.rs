@@ -41,6 +41,8 @@ pub struct ClothModel {
     pub(super) plies: ClothPlies,
     /// Brightness of the cloth over absorption, and what it is the brightness of.
     pub(super) curve: AlbedoCurve,
+    /// The curve under a sky all round.
+    pub(super) even_sky: AlbedoCurve,
     color_of: ColorOf,
     /// By kind, what the reflections of its fibers absorb, if they are opaque, and the colors of its yarns.
     /// Of a single kind twice.
@@ -93,7 +95,7 @@ impl ClothModel {
             GapLight::Diffracted => Some(Arc::new(ClothGaps::new(&data.curves, &plies.lattice, &beams[0])?)),
             GapLight::Straight => None,
         };
-        let curve = data.between.curve();
+        let curve = color_of::of_nodes(&data.albedo);
         let yarns = spec.yarns();
         let kind = |kind: usize| kind.min(plies.kinds - 1);
         let colors = [0, 1].map(|k| {
@@ -117,6 +119,7 @@ impl ClothModel {
         let metals = [own_color(&plies.models[0])?, own_color(&plies.models[kind(1)])?];
         let cloth = ClothModel {
             dyes: Dyes::new(&colors, &metals, &curve),
+            even_sky: curve.clone(),
             curve,
             color_of: ColorOf::EvenSky,
             metals,
@@ -219,13 +222,9 @@ impl ClothModel {
         if of == self.color_of {
             return self.curve.clone();
         }
-        let even_sky = self.between.curve();
-        if of == ColorOf::EvenSky {
-            return even_sky;
-        }
         let (gaps, slits) = (None, [None; 2]);
         let rays = ClothModel { options: ClothOptions::RAYS, far: None, gaps, slits, ..self.clone() };
-        color_of::curve(&rays, of, &even_sky)
+        color_of::curve(&rays, of)
     }
 
     /// Absorptions [1/um] with which the cloth has these reflectances, 0 to 1, at wavelengths or in linear

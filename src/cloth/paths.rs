@@ -172,7 +172,6 @@ struct Found {
     caught: [Vec<splines::Sums<LOOKS>>; 2],
     leaves: [Vec<Sums<FEW>>; 2],
     mean: [Sums<TERMS>; 2],
-    albedo: [f64; SIGMAS],
 }
 
 impl Found {
@@ -181,7 +180,6 @@ impl Found {
             caught: [0, 1].map(|_| (0..CLASSES).map(|_| splines::Sums::new()).collect()),
             leaves: [0, 1].map(|_| (0..2 * CLASSES).map(|_| Sums::new(2 * PAIRS)).collect()),
             mean: [0, 1].map(|_| Sums::new(2 * PAIRS)),
-            albedo: [0.0; SIGMAS],
         }
     }
 
@@ -209,21 +207,16 @@ impl Found {
                     found.mean[side].seen(&t);
                 }
                 if let Some(gone) = paths.path(a, at, is_followed, &mut number) {
-                    found.add(side, a, &t, &gone, is_followed && cosine_weighted && side == 0);
+                    found.add(side, a, &t, &gone);
                 }
             }
         }
         found
     }
 
-    fn add(&mut self, side: usize, a: [f32; 3], t: &Poly, gone: &Escaped, counts: bool) {
+    fn add(&mut self, side: usize, a: [f32; 3], t: &Poly, gone: &Escaped) {
         if gone.orders == 0 {
             return;
-        }
-        if counts {
-            for i in 0..SIGMAS {
-                self.albedo[i] += f64::from(gone.weight[0][i] * gone.weight[1][i]);
-            }
         }
         let cause = usize::from(!gone.sent_up);
         let [up, down] = gone.caught;
@@ -256,7 +249,6 @@ impl Found {
             self.leaves[side].iter_mut().zip(&other.leaves[side]).for_each(|(sums, other)| sums.join(other));
             self.mean[side].join(&other.mean[side]);
         }
-        self.albedo.iter_mut().zip(other.albedo).for_each(|(sum, other)| *sum += other);
     }
 }
 
@@ -266,7 +258,7 @@ impl InterYarn {
         let found = parallel::map(CHUNKS, |chunk| Found::new(paths, chunk));
         let mut all = Found::none();
         found.iter().for_each(|found| all.join(found));
-        let Found { caught, leaves, mean, albedo } = all;
+        let Found { caught, leaves, mean } = all;
         let means = mean.map(|sums| sums.solve());
         let integrals = integrals();
         let side = |side: usize| {
@@ -287,9 +279,7 @@ impl InterYarn {
                 shape: (0..2 * PAIRS).map(|at| shape(at / PAIRS, at % PAIRS)).collect(),
             }
         };
-        // Clear fibers send out all that meets them.
-        let clear = albedo[0].max(f64::MIN_POSITIVE);
-        InterYarn { sides: [side(0), side(1)], albedo: albedo.map(|a| a / clear) }
+        InterYarn { sides: [side(0), side(1)] }
     }
 }
 
