@@ -9,7 +9,7 @@
 use criterion::{Criterion, criterion_group, criterion_main};
 use plywave::cloth::{ClothData, ClothModel, ClothOptions, ClothSpec, LineHits, UvMap};
 use plywave::{Bsdf, ClothQuery, PlyModel};
-use plywave_sim::cloth::make_cloth;
+use plywave_sim::cloth::{make_cloth, make_ready};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 use std::hint::black_box;
@@ -29,7 +29,7 @@ fn made(name: &str, has_far: bool) -> ClothData {
     let model = |ply: &str| PlyModel::load(format!("{folder}/{}", ply.replace(".toml", ".pwm")));
     let models = spec.yarns().into_iter().map(|yarn| model(yarn.model.as_deref().expect("the name of a ply")));
     let models: Vec<Arc<PlyModel>> = models.map(|model| Arc::new(model.expect("a model that ships"))).collect();
-    ClothData::make(&text, name, &made.curves, &models, has_far, |_| Ok(())).expect("a cloth")
+    make_ready(&text, name, &made.curves, &models, has_far, &|_| true).expect("a cloth")
 }
 
 /// A direction by two numbers in [0, 1).

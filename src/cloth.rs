@@ -13,20 +13,16 @@ mod draft;
 mod dye;
 mod far;
 mod file;
-mod follow;
 mod gap;
 mod grid;
 mod lattice;
 mod layers;
 mod lines;
-mod make;
 mod model;
 mod names;
 mod nearest;
-mod paths;
 mod plies;
 mod query;
-mod regression;
 mod rules;
 mod shade;
 mod shadow;
@@ -59,3 +55,19 @@ pub use units::Count;
 pub use uv::UvMap;
 pub use weave::{WeaveSpec, YarnColor};
 pub use wif::{Wif, WifNote, WifNoteKind, WifSpacing};
+
+/// What `plywave_sim::cloth` makes cloths of; a host needs nothing from here.
+#[doc(hidden)]
+pub mod making {
+    pub use super::between::{
+        CLASSES, CLASSES_A_KIND, FEW, Few, InterYarn, PAIRS, Poly, SIGMA_PER_UM, SIGMAS, Side, TERMS, dot, few, terms,
+    };
+    pub use super::color_of::{NODES as ALBEDO_NODES, albedo};
+    pub use super::far::{FarData, FarView, far_view};
+    pub use super::plies::{ClothPlies, class, frame, start};
+    pub use super::shade::{ClothShade, ClothShadows, is_own};
+    pub use super::shadow::{
+        AxisAt, BANDS, COLUMNS, LANES, MAX_SHARE, OFFSETS, ROWS, SIZE as SHADOW_BYTES, Toward, exit, z_of,
+    };
+    pub use super::splines::{At as SplinesAt, COUNT as SPLINES, Several as SeveralSplines};
+}

@@ -9,7 +9,6 @@ pub mod faddeeva;
 pub(crate) mod fft;
 pub(crate) mod half;
 pub mod hash;
-pub(crate) mod parallel;
 pub(crate) mod simd;
 pub mod vec3;
 

@@ -29,13 +29,15 @@ pub use data::energies::{EnergiesAt, PlyEnergies, spline_coefficients};
 pub use data::exits::{
     EXIT_KINDS, EXIT_LENGTH_UM, EXIT_LENGTHS, EXIT_TERMS, ExitOffsets, ExitShape, USUAL_EXIT_LENGTHS, exit_terms,
 };
-pub(crate) use data::exits::{ExitDensity, ExitLine, ExitsAt};
+#[doc(hidden)]
+pub use data::exits::{ExitDensity, ExitLine, ExitsAt};
 pub use data::file::ReferenceValue;
 pub use data::layer_factors::LayerFactors;
 pub(crate) use data::{MAX_LOBES, MAX_PATHS};
 pub use family::{FamilyAxis, FamilyData, FamilyGradient, FamilyParam, FamilyParams, FamilyPly, PlyFamily};
 pub(crate) use kernel::dispatch::Prepared;
-pub(crate) use kernel::lobes::LobeLight;
+#[doc(hidden)]
+pub use kernel::lobes::{ByFirst, LobeLight};
 pub use layers::{Layer, TwoLayers};
 pub(crate) use lines::{PASSED_COLUMNS, PASSED_ROWS};
 pub use model::PlyModel;

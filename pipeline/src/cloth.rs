@@ -6,12 +6,11 @@ use crate::run::{Progress, Run, Stage};
 use plywave::PlyModel;
 use plywave::cloth::{ClothData, ClothSpec, WeaveSpec, YarnOfCloth};
 use plywave::io::{AssetSource, Folder, ModelLibrary};
-use plywave_sim::cloth::{MadeCloth, make_cloth};
+use plywave_sim::cloth::{ClothStep, MadeCloth, make_cloth, make_ready};
 use sha2::{Digest, Sha256};
 use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Largest cloth spec, and largest file that it names [bytes].
 const MAX_SPEC_BYTES: u64 = 1 << 20;
@@ -177,7 +176,7 @@ impl ClothRecipe {
     /// cell.
     ///
     /// # Errors
-    /// [`Error::Interrupted`] when stopped, and those of [`ClothData::make`].
+    /// [`Error::Interrupted`] when stopped, and those of [`make_ready`].
     pub fn make(
         &self,
         curves: &MadeCloth,
@@ -185,22 +184,12 @@ impl ClothRecipe {
         has_far: bool,
         run: &Run<'_>,
     ) -> Result<ClothData, Error> {
-        let stopped = AtomicBool::new(false);
-        let told = |what: &'static str| {
-            run.tell(Progress { stage: Stage::Cloth(what), done: 0, total: 1 });
-            if run.check_stop().is_err() {
-                stopped.store(true, Ordering::Relaxed);
-                let what = "stopped".into();
-                return Err(plywave::Error::Format { file: self.file.clone(), what, hint: String::new() });
-            }
-            Ok(())
+        let told = |ClothStep { what, done, total }: ClothStep| {
+            run.tell(Progress { stage: Stage::Cloth(what), done: done as u64, total: total as u64 });
+            run.check_stop().is_ok()
         };
-        let data = ClothData::make(&self.spec_text, &self.spec.name, &curves.curves, models, has_far, told);
-        if stopped.into_inner() {
-            return Err(Error::Interrupted { left: 0, total: 0 });
-        }
-        run.check_stop()?;
-        let mut data = data?;
+        let data = make_ready(&self.spec_text, &self.spec.name, &curves.curves, models, has_far, &told);
+        let mut data = data.map_err(|error| Error::of_simulation(error, &self.file))?;
         data.colors.clone_from(&curves.colors);
         Ok(data)
     }
@@ -295,6 +284,7 @@ fn hex(bytes: &[u8]) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::sync::atomic::AtomicBool;
 
     const VOILE: &str = "name = \"voile\"\n[weave]\nkind = \"plain\"\n\
         [warp]\ncount = { dtex = 12 }\ndensity_g_per_cm3 = 1.38\nends_per_cm = 150\n\

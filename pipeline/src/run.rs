@@ -47,7 +47,8 @@ impl Stage {
             Stage::Yarn => "incidences",
             Stage::FitHigh | Stage::FitReflection | Stage::FitErrors => "slices",
             Stage::Speckle => "fibers",
-            Stage::Curves | Stage::Cloth(_) => "steps",
+            Stage::Curves => "steps",
+            Stage::Cloth(_) => "parts",
         }
     }
 

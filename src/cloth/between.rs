@@ -2,7 +2,7 @@
 //!
 //! The cloth's f is that of the ply which the line meets, as far as the light gets out without meeting
 //! another (`shade.rs`), and the rest, the light that is scattered by two or more plies. The rest is
-//! smooth. Its energies are found once a cloth by following light from ply to ply (`paths.rs`). They are
+//! smooth. Its energies are found once a cloth by following light from ply to ply (`plywave_sim`). They are
 //! regressed on polynomials of the direction `a` that the light comes from (by reciprocity: of the viewer),
 //! apart for
 //!
@@ -27,38 +27,41 @@ use multiversion::multiversion;
 /// Nodes of absorption, those of the mean over the repeat: between them energies are linear in v = 1 / (1 +
 /// sigma L), L this length [um], some paths through a ply. Nodes even in v end at 0.04 and 3 per um, and deep
 /// colors, denim's warp in red, lie between these.
-pub(crate) use super::far::{SIGMA_PER_UM, SIGMAS};
+pub use super::far::{SIGMA_PER_UM, SIGMAS};
 const LENGTH_UM: f32 = 150.0;
 /// Polynomials of the direction.
-pub(crate) const TERMS: usize = 16;
+pub const TERMS: usize = 16;
 /// Polynomials of what depends little on it.
-pub(crate) const FEW: usize = 8;
+pub const FEW: usize = 8;
 /// Pairs of absorptions.
-pub(crate) const PAIRS: usize = SIGMAS * SIGMAS;
+pub const PAIRS: usize = SIGMAS * SIGMAS;
 /// Classes of a first ply: its kind of yarn, whether it is the first on the line, whether another follows.
-pub(crate) const CLASSES: usize = 2 * CLASSES_A_KIND;
-pub(crate) const CLASSES_A_KIND: usize = 4;
+pub const CLASSES: usize = 2 * CLASSES_A_KIND;
+/// Of one kind.
+pub const CLASSES_A_KIND: usize = 4;
 /// A polynomial of the direction for each pair of absorptions.
-pub(crate) type Poly = [f32; TERMS];
-pub(crate) type Few = [f32; FEW];
+pub type Poly = [f32; TERMS];
+/// The first terms of one.
+pub type Few = [f32; FEW];
 
 /// Energies of a side, the face or the back.
 #[derive(Clone, Debug)]
-pub(crate) struct Side {
+pub struct Side {
     /// `[class][sent up, sent down, all]`, by absorption of its kind: what other yarns catch of the first
     /// ply's light, up the half the light came from, and all that it scatters.
-    pub(crate) caught: Vec<splines::Several<SIGMAS>>,
+    pub caught: Vec<splines::Several<SIGMAS>>,
     /// `[class][sent up, down][leaves up, down][pair]`: what leaves the cloth, per energy that is caught.
-    pub(crate) leaves: Vec<Few>,
+    pub leaves: Vec<Few>,
     /// `[leaves up, down][pair]`: the mean over classes, divided by the integral of its cosine-weighted
     /// values.
-    pub(crate) shape: Vec<Poly>,
+    pub shape: Vec<Poly>,
 }
 
 /// The light between the plies of a cloth.
 #[derive(Clone, Debug)]
-pub(crate) struct InterYarn {
-    pub(crate) sides: [Side; 2],
+pub struct InterYarn {
+    /// The face and the back.
+    pub sides: [Side; 2],
 }
 
 /// v of the nodes; the last one stands for infinite absorption.
@@ -97,7 +100,7 @@ const PER_V: [f32; SIGMAS] = {
 
 /// The polynomials at a direction; z counts as positive.
 #[inline]
-pub(crate) fn terms(w: [f32; 3]) -> Poly {
+pub fn terms(w: [f32; 3]) -> Poly {
     let [x, y, z] = w;
     let z = z.abs();
     let (d, e) = (x * x - y * y, 2.0 * x * y);
@@ -106,12 +109,13 @@ pub(crate) fn terms(w: [f32; 3]) -> Poly {
 
 /// The terms that energies per caught energy have: they depend little on the direction.
 #[inline]
-pub(crate) fn few(t: &Poly) -> Few {
+pub fn few(t: &Poly) -> Few {
     [t[0], t[1], t[2], t[3], t[4], t[5], t[8], t[9]]
 }
 
 #[inline]
-pub(crate) fn dot<const T: usize>(a: &[f32; T], b: &[f32; T]) -> f32 {
+/// Scalar product.
+pub fn dot<const T: usize>(a: &[f32; T], b: &[f32; T]) -> f32 {
     // Lanes apart: the compiler keeps the order of sums.
     let mut sums = [0.0; 4];
     for i in 0..T {

@@ -12,8 +12,8 @@
 //!   other side, `Y = R_f + T_f X T_b / (1 - R_b X)`, and alike for X; of a pile without end that neither
 //!   absorbs nor lets through, 1.
 //!
-//! R and T are means over places and samples of the cloth as it is shaded by rays, clear fibers' scaled to lose
-//! nothing.
+//! R and T are means over places and samples of the cloth as it is shaded by rays, clear fibers' scaled to
+//! lose nothing.
 
 use super::model::ClothModel;
 use super::query::ClothQuery;
@@ -47,9 +47,10 @@ impl ColorOf {
     }
 }
 
-/// Nodes of absorption at which R and T are found, dense towards infinite absorption in `v = 1 / (1 + sigma L)`
-/// with L = 150 um: at 0.1 and 1 per um a cloth's reflectance differs by a factor of two.
-pub(crate) const NODES: usize = 22;
+/// Nodes of absorption at which R and T are found, dense towards infinite absorption in
+/// `v = 1 / (1 + sigma L)` with L = 150 um: at 0.1 and 1 per um a cloth's reflectance differs by a factor of
+/// two.
+pub const NODES: usize = 22;
 /// v falls by this power of the node.
 const POWER: f64 = 1.5;
 /// Absorption of the last node [1/um], for an infinite one.
@@ -135,7 +136,7 @@ fn on_pile([r, t]: [f64; 2], [from_below_r, from_below_t]: [f64; 2], pile: f64) 
 }
 
 /// Albedo under a sky all round at the nodes, of a cloth that is shaded by rays.
-pub(crate) fn albedo(cloth: &ClothModel) -> [f64; NODES] {
+pub fn albedo(cloth: &ClothModel) -> [f64; NODES] {
     let sides = [true, false].map(|is_face| light(cloth, is_face, None));
     let scattered = |node: usize| sides.iter().map(|side| side.r[node] + side.t[node] - side.straight).sum::<f64>();
     // Clear fibers send out all that meets them.

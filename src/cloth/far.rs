@@ -17,15 +17,17 @@ use super::model::ClothModel;
 use super::query::ClothQuery;
 use super::shadow::Toward;
 use crate::gap::{GapAt, Opening};
-use crate::math::{clamp_unit, floor_fraction, parallel};
+use crate::math::half::{from_half, to_half};
+use crate::math::{clamp_unit, floor_fraction};
 use std::f32::consts::{FRAC_PI_2, PI, TAU};
 
 /// Nodes of absorption [1/um], the last for an infinite one; between them f is linear in `1 / (1 + sigma L)`,
 /// L some paths through a ply [um].
 /// They are close at 0, where light scattered many times falls as the root of the absorption (Kubelka and
 /// Munk).
-pub(crate) const SIGMA_PER_UM: [f32; SIGMAS] = [0.0, 0.0006, 0.002, 0.005, 0.0115, 0.028, 0.085, 3.0];
-pub(crate) const SIGMAS: usize = 8;
+pub const SIGMA_PER_UM: [f32; SIGMAS] = [0.0, 0.0006, 0.002, 0.005, 0.0115, 0.028, 0.085, 3.0];
+/// How many.
+pub const SIGMAS: usize = 8;
 const LENGTH_UM: f32 = 150.0;
 /// Azimuths of the viewer over one side of the cloth [degrees], closer towards the plane.
 pub(crate) const PHI_I_DEG: [f32; 15] =
@@ -208,15 +210,17 @@ pub(crate) struct Far {
     openings: Vec<Openings>,
 }
 
-/// One view of one kind.
-struct View {
+/// What one view sees of one kind of yarn, mean over the places of the cell.
+pub struct FarView {
     f: Vec<[f32; SIGMAS]>,
     first: [[f32; SIGMAS]; CLASSES_A_KIND],
     passing: f32,
     openings: Vec<Opening>,
 }
 
-fn look(cloth: &ClothModel, kind: usize, number: usize) -> View {
+/// One of [`FarData::views`], by its number.
+pub fn far_view(cloth: &ClothModel, number: usize) -> FarView {
+    let (kind, number) = (number / VIEWS, number % VIEWS);
     let runs = cloth.plies.runs[kind];
     let wo = view(runs, number);
     let theta_i = angles(runs, wo).0;
@@ -228,7 +232,7 @@ fn look(cloth: &ClothModel, kind: usize, number: usize) -> View {
             Toward::new(direction(runs, theta, phi))
         })
         .collect();
-    let mut seen = View {
+    let mut seen = FarView {
         f: vec![[0.0; SIGMAS]; lights.len()],
         first: [[0.0; SIGMAS]; CLASSES_A_KIND],
         passing: 0.0,
@@ -260,24 +264,27 @@ fn solid_angle(theta_i: f32, q: usize) -> f32 {
 
 /// The tables of a mean, from which the rest follows.
 #[derive(Clone, Debug)]
-pub(crate) struct FarData {
-    pub runs: [Runs; 2],
+pub struct FarData {
+    pub(crate) runs: [Runs; 2],
     /// `[kind][view][column][q][SIGMAS]`.
-    pub f: Vec<[f32; SIGMAS]>,
+    pub(crate) f: Vec<[f32; SIGMAS]>,
     /// `[kind][view][class of the kind][SIGMAS]`.
-    pub first: Vec<[[f32; SIGMAS]; CLASSES_A_KIND]>,
+    pub(crate) first: Vec<[[f32; SIGMAS]; CLASSES_A_KIND]>,
     /// `[view]` of the first kind.
-    pub passing: Vec<f32>,
+    pub(crate) passing: Vec<f32>,
     /// `[view]` of the first kind.
-    pub openings: Vec<Openings>,
+    pub(crate) openings: Vec<Openings>,
 }
 
 impl FarData {
-    /// The mean over the places of a cloth.
-    pub(crate) fn new(cloth: &ClothModel) -> FarData {
-        let (kinds, runs) = (cloth.plies.kinds, cloth.plies.runs);
-        let seen = parallel::map(kinds * VIEWS, |i| look(cloth, i / VIEWS, i % VIEWS));
-        let openings = |view: &View| {
+    /// Number of views of a cloth, of all its kinds of yarns.
+    pub fn views(cloth: &ClothModel) -> usize {
+        cloth.plies.kinds * VIEWS
+    }
+
+    /// The mean over the places of a cloth, of [all views](far_view), as a file has it.
+    pub fn new(cloth: &ClothModel, seen: &[FarView]) -> FarData {
+        let openings = |view: &FarView| {
             // By area, from the parts of which each has as many.
             let mut all = view.openings.clone();
             all.sort_by_key(|Opening([x, y, _])| u32::from(*x) * u32::from(*y));
@@ -285,8 +292,8 @@ impl FarData {
             std::array::from_fn(|i| (i < count).then(|| all[(2 * i + 1) * all.len() / (2 * count)]))
         };
         FarData {
-            runs,
-            f: seen.iter().flat_map(|view| view.f.iter().copied()).collect(),
+            runs: cloth.plies.runs,
+            f: seen.iter().flat_map(|view| view.f.iter().map(|f| f.map(|f| from_half(to_half(f))))).collect(),
             first: seen.iter().map(|view| view.first).collect(),
             passing: seen[..VIEWS].iter().map(|view| view.passing).collect(),
             openings: seen[..VIEWS].iter().map(openings).collect(),

@@ -34,12 +34,19 @@ pub struct ClothData {
     /// By kind of yarn, colors [sRGB, 0 to 1] of the yarns by their number, which repeat; none where the spec
     /// has one for all.
     pub colors: [Vec<[f32; 3]>; 2],
-    pub(crate) shadows: ClothShadows,
-    pub(crate) between: InterYarn,
-    /// By node of absorption of both kinds alike, of clear fibers first: scattered light of all orders over the
-    /// light that meets fibers, under light from everywhere.
-    pub(crate) albedo: [f64; color_of::NODES],
-    pub(crate) far: Option<FarData>,
+    /// Shadows of its plies.
+    #[doc(hidden)]
+    pub shadows: ClothShadows,
+    /// The light between its plies.
+    #[doc(hidden)]
+    pub between: InterYarn,
+    /// By node of absorption of both kinds alike, of clear fibers first: scattered light of all orders over
+    /// the light that meets fibers, under light from everywhere.
+    #[doc(hidden)]
+    pub albedo: [f64; color_of::NODES],
+    /// The mean over the cell.
+    #[doc(hidden)]
+    pub far: Option<FarData>,
 }
 
 /// Keys of the JSON document besides the common ones.

@@ -197,22 +197,22 @@ impl ClothLines {
     }
 
     /// Number of curves.
-    pub(crate) fn curves(&self) -> usize {
+    pub fn curves(&self) -> usize {
         self.splines.len()
     }
 
     /// Knots of a curve's period.
-    pub(crate) fn knots(&self, curve: usize) -> usize {
+    pub fn knots(&self, curve: usize) -> usize {
         self.splines[curve].control.len() - 3
     }
 
     /// Radius of a curve's ply [um].
-    pub(crate) fn radius_um(&self, curve: usize) -> f32 {
+    pub fn radius_um(&self, curve: usize) -> f32 {
         self.splines[curve].radius
     }
 
     /// The place at a parameter of a curve's period, which it holds.
-    pub(crate) fn axis_at(&self, curve: usize, parameter: f32) -> AxisAt<f32> {
+    pub fn axis_at(&self, curve: usize, parameter: f32) -> AxisAt<f32> {
         let spline = &self.splines[curve];
         let (center_um, d, dd) = spline.at(parameter);
         let speed2 = dot(d, d);
@@ -223,7 +223,7 @@ impl ClothLines {
     }
 
     /// Length of a curve for a step of 1 of its parameter [um].
-    pub(crate) fn speed_um(&self, curve: usize, parameter: f32) -> f32 {
+    pub fn speed_um(&self, curve: usize, parameter: f32) -> f32 {
         let d = self.splines[curve].at(parameter).1;
         dot(d, d).sqrt()
     }
@@ -247,7 +247,7 @@ impl ClothLines {
 
     /// As [`ClothLines::hits`], until hardly any light is left: `passes` says of a hit which share of it
     /// passes the ply. Of those behind, the nearest are there.
-    pub(crate) fn hits_while(
+    pub fn hits_while(
         &self,
         from: [f32; 3],
         w: [f32; 3],

@@ -3,7 +3,6 @@
 use super::between::CLASSES_A_KIND;
 use super::far::Runs;
 use super::lines::{ClothLines, LineHit};
-use super::shade::PassesPlies;
 use super::{ClothCurves, ClothYarn, Lattice};
 use crate::math::vec3::{cross, dot};
 use crate::spec::YarnSpec;
@@ -18,22 +17,26 @@ pub(super) const MARGIN_UM: f32 = 1.0;
 
 /// The curves of a cloth with the models of their plies.
 #[derive(Clone, Debug)]
-pub(crate) struct ClothPlies {
+pub struct ClothPlies {
+    /// The curves.
     pub lines: ClothLines,
+    /// The cell.
     pub lattice: Lattice,
-    pub yarns: Vec<ClothYarn>,
-    /// Yarn of each curve, and its kind.
-    pub of_curve: Vec<u32>,
+    pub(crate) yarns: Vec<ClothYarn>,
+    /// Yarn of each curve.
+    pub(crate) of_curve: Vec<u32>,
+    /// Kind of each curve's yarn.
     pub kind_of: Vec<usize>,
-    /// Kinds of yarns, 1 or 2, and how they run.
+    /// Kinds of yarns, 1 or 2.
     pub kinds: usize,
-    pub runs: [Runs; 2],
+    /// How they run.
+    pub(crate) runs: [Runs; 2],
     /// By kind, of single lines.
     pub models: Vec<Arc<PlyModel>>,
     /// Radius of the models' plies over that of the curves, by kind.
     pub scale: Vec<f32>,
     /// Length of a ply with the same patterns, 2 w0 [um].
-    pub grain_um: f32,
+    pub(crate) grain_um: f32,
 }
 
 impl ClothPlies {
@@ -87,7 +90,7 @@ impl ClothPlies {
 
 /// Axes of the ply's frame at a hit of a line in direction `d`.
 #[inline]
-pub(super) fn frame(hit: &LineHit, d: [f32; 3]) -> [[f32; 3]; 3] {
+pub fn frame(hit: &LineHit, d: [f32; 3]) -> [[f32; 3]; 3] {
     let z = hit.tangent;
     let along = dot(d, z);
     let mut y: [f32; 3] = std::array::from_fn(|k| along * z[k] - d[k]);
@@ -110,13 +113,15 @@ pub(super) fn passes(model: &PlyModel, scale: f32, hit: &LineHit) -> f32 {
     model.passed_lines().map_or(1.0, |passed| passed.mean(hit.theta_i, h_um - off, h_um + off))
 }
 
-impl PassesPlies for ClothPlies {
-    fn passes(&self, hit: &LineHit) -> f32 {
+impl ClothPlies {
+    /// About which share of a line passes the ply it hits, found soon.
+    pub fn passes(&self, hit: &LineHit) -> f32 {
         let kind = self.kind_of[hit.curve as usize];
         passes(&self.models[kind], self.scale[kind], hit)
     }
 
-    fn r_d(&self, hit: &LineHit) -> f32 {
+    /// Fraction of a line that passes the ply it hits.
+    pub fn r_d(&self, hit: &LineHit) -> f32 {
         let kind = self.kind_of[hit.curve as usize];
         self.models[kind].r_d(hit.theta_i, self.scale[kind] * hit.h_um)
     }
@@ -124,13 +129,13 @@ impl PassesPlies for ClothPlies {
 
 /// Class of the ply that a line hits as the `depth`-th, and whether it hits another behind it.
 #[inline]
-pub(super) fn class(kind: usize, depth: usize, follows: bool) -> usize {
+pub fn class(kind: usize, depth: usize, follows: bool) -> usize {
     CLASSES_A_KIND * kind + 2 * usize::from(depth > 0) + usize::from(follows)
 }
 
 /// Start of the line that comes from direction `a` through a point of the middle plane [um].
 #[inline]
-pub(super) fn start(lines: &ClothLines, at: [f32; 2], a: [f32; 3]) -> [f32; 3] {
+pub fn start(lines: &ClothLines, at: [f32; 2], a: [f32; 3]) -> [f32; 3] {
     let way = (lines.half_thickness_um() + MARGIN_UM) / a[2].abs().max(1e-4);
     [at[0] + way * a[0], at[1] + way * a[1], way * a[2]]
 }

@@ -4,31 +4,13 @@
 //! It is tabulated for each curve of the cell over the place along it, the offset from its axis and the
 //! direction, by lines followed through the cloth. The numbers of a place are those of `shadow.rs`.
 
-use super::lines::{ClothLines, LineHit, LineHits};
-use super::shadow::{ALL_FREE, COLUMNS, LANES, ROWS, ShadowsAt, Toward, fill_row, free};
-use crate::math::hash::SplitMix64;
-use crate::math::{floor_fraction, parallel};
+use super::lines::{ClothLines, LineHit};
+use super::shadow::{ALL_FREE, SIZE, ShadowsAt, Toward, free};
+use crate::math::floor_fraction;
 use crate::ply::{EXIT_KINDS, ExitLine};
 
-/// Length of ply between two places, over its radius.
-const STEP: f32 = 1.5;
-/// Most places of a cloth: beyond, they lie farther apart.
-const MAX_PLACES: f32 = 1000.0;
-/// Bytes of a place.
-const SIZE: usize = 2 * ROWS * COLUMNS * LANES;
-/// Lines of an entry of all places together, and least and most of one place: where places are few, chance
-/// does not average out over them.
-const LINES: usize = 2048;
-const LINES_OF_ONE: [usize; 2] = [3, 16];
-/// How much more light a line on the outer side of a bend counts at most.
-const MAX_AREA: f32 = 2.5;
 /// Own ply that a line meets again this near to where it left it, over R, is none.
 const OWN: f32 = 2.5;
-/// A line of less light is not followed.
-const MIN_FREE: f32 = 1e-3;
-/// Places that are filled together.
-const PLACES_A_PART: usize = 8;
-
 /// Places of a curve.
 #[derive(Clone, Copy, Debug)]
 struct Places {
@@ -39,52 +21,15 @@ struct Places {
 
 /// The table of a cloth.
 #[derive(Clone, Debug)]
-pub(crate) struct ClothShadows {
+pub struct ClothShadows {
     curves: Vec<Places>,
     /// `[place][row][column][LANES]`, 255 for `MAX_SHARE`.
     free: Vec<u8>,
 }
 
-/// What a cloth says of the light that passes its plies.
-pub(crate) trait PassesPlies: Sync {
-    /// Fraction of a line that passes the ply it hits.
-    fn r_d(&self, hit: &LineHit) -> f32;
-
-    /// About that fraction, found sooner.
-    fn passes(&self, hit: &LineHit) -> f32;
-}
-
 impl ClothShadows {
-    /// Of a cloth, by lines followed through it.
-    pub(crate) fn new(lines: &ClothLines, passing: &impl PassesPlies) -> ClothShadows {
-        let length = |curve: usize| {
-            let knots = lines.knots(curve);
-            (0..knots).map(|k| lines.speed_um(curve, k as f32 + 0.5)).sum::<f32>()
-        };
-        let wanted: Vec<f32> = (0..lines.curves()).map(|c| length(c) / (STEP * lines.radius_um(c))).collect();
-        let less = (MAX_PLACES / wanted.iter().sum::<f32>()).min(1.0);
-        let (mut curves, mut places) = (Vec::new(), Vec::new());
-        for (curve, wanted) in wanted.iter().enumerate() {
-            let count = (less * wanted).ceil().max(2.0) as u32;
-            let per_knot = count as f32 / lines.knots(curve) as f32;
-            curves.push(Places { first: places.len() as u32, count, per_knot });
-            places.extend((0..count).map(|place| (curve, place as f32 / per_knot, 1.0 / per_knot)));
-        }
-        let count = (LINES / places.len().max(1)).clamp(LINES_OF_ONE[0], LINES_OF_ONE[1]);
-        let filled = parallel::map(places.len().div_ceil(PLACES_A_PART), |part| {
-            let first = part * PLACES_A_PART;
-            let of = &places[first..(first + PLACES_A_PART).min(places.len())];
-            let mut free = vec![0; of.len() * SIZE];
-            for (i, (row, place)) in free.chunks_exact_mut(SIZE).zip(of).enumerate() {
-                fill(row, (lines, passing), *place, (first + i) as u64, count);
-            }
-            free
-        });
-        ClothShadows { curves, free: filled.concat() }
-    }
-
     /// Of the number of places and of knots of each curve, and the table; `None` where they do not fit.
-    pub(crate) fn of(counts: &[u32], knots: impl Iterator<Item = usize>, free: Vec<u8>) -> Option<ClothShadows> {
+    pub fn of(counts: &[u32], knots: impl Iterator<Item = usize>, free: Vec<u8>) -> Option<ClothShadows> {
         let (mut curves, mut first) = (Vec::new(), 0u32);
         for (count, knots) in counts.iter().zip(knots) {
             curves.push(Places { first, count: *count, per_knot: *count as f32 / knots as f32 });
@@ -94,12 +39,12 @@ impl ClothShadows {
     }
 
     /// Number of places of each curve.
-    pub(crate) fn counts(&self) -> impl Iterator<Item = u32> {
+    pub fn counts(&self) -> impl Iterator<Item = u32> {
         self.curves.iter().map(|places| places.count)
     }
 
     /// The table.
-    pub(crate) fn free(&self) -> &[u8] {
+    pub fn free(&self) -> &[u8] {
         &self.free
     }
 
@@ -110,7 +55,7 @@ impl ClothShadows {
 
 /// Neighbors of a ply: which of them count, and the place.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct ClothShade<'a> {
+pub struct ClothShade<'a> {
     /// Of the half the light comes from, and of the other.
     counts: [bool; 2],
     /// Sign of z of the half the light comes from.
@@ -126,7 +71,7 @@ pub(crate) struct ClothShade<'a> {
 impl<'a> ClothShade<'a> {
     /// Of a ply that a line from direction `a` hits; `counts` are the halves, up first, in which shadows
     /// count.
-    pub(crate) fn new(shadows: &'a ClothShadows, hit: &LineHit, a: [f32; 3], counts: [bool; 2]) -> ClothShade<'a> {
+    pub fn new(shadows: &'a ClothShadows, hit: &LineHit, a: [f32; 3], counts: [bool; 2]) -> ClothShade<'a> {
         let places = shadows.curves[hit.curve as usize];
         ClothShade {
             counts,
@@ -151,7 +96,7 @@ impl<'a> ClothShade<'a> {
     /// Shares of single reflection, of other light of clear fibers and of that of dark ones that get out in a
     /// direction, of light that leaves on these lines.
     #[inline]
-    pub(crate) fn toward(&self, toward: &Toward, [refl, clear, dark]: [ExitLine; EXIT_KINDS]) -> [f32; EXIT_KINDS] {
+    pub fn toward(&self, toward: &Toward, [refl, clear, dark]: [ExitLine; EXIT_KINDS]) -> [f32; EXIT_KINDS] {
         if !self.counts[usize::from(toward.b[2] * self.up_sign < 0.0)] {
             return [1.0; EXIT_KINDS];
         }
@@ -163,7 +108,7 @@ impl<'a> ClothShade<'a> {
 
 /// Whether a ply that a line from `from` hits is the one that it left: the same strand, near to the start.
 /// `own` is its curve with the cell of its image.
-pub(crate) fn is_own(lines: &ClothLines, hit: &LineHit, (curve, cells, parameter): (u32, [i32; 2], f32)) -> bool {
+pub fn is_own(lines: &ClothLines, hit: &LineHit, (curve, cells, parameter): (u32, [i32; 2], f32)) -> bool {
     if hit.curve != curve {
         return false;
     }
@@ -178,33 +123,4 @@ pub(crate) fn is_own(lines: &ClothLines, hit: &LineHit, (curve, cells, parameter
     };
     let knots = lines.knots(curve as usize) as f32;
     (hit.parameter + turns as f32 * knots - parameter).abs() * hit.speed_um < OWN * hit.radius_um
-}
-
-/// One place of a curve: its middle and width in the curve's parameter.
-fn fill(
-    row: &mut [u8],
-    (lines, passing): (&ClothLines, &impl PassesPlies),
-    (curve, middle, width): (usize, f32, f32),
-    seed: u64,
-    count: usize,
-) {
-    let knots = lines.knots(curve) as f32;
-    let mut rng = SplitMix64(0x7368_6164 ^ seed << 20);
-    let mut hits = LineHits::default();
-    let at = |u: f32| {
-        let parameter = middle + width * (u - 0.5);
-        let parameter = if parameter < 0.0 { parameter + knots } else { parameter };
-        lines.axis_at(curve, parameter)
-    };
-    fill_row(row, (count, MAX_AREA), &mut || rng.next_f64() as f32, at, |parameter, from, b| {
-        lines.hits_while(from, b, &mut hits, |hit| passing.passes(hit));
-        let mut passes = 1.0;
-        for hit in hits.as_slice().iter().filter(|hit| !is_own(lines, hit, (curve as u32, [0; 2], *parameter))) {
-            passes *= passing.r_d(hit);
-            if passes < MIN_FREE {
-                return 0.0;
-            }
-        }
-        passes
-    });
 }

@@ -3,30 +3,31 @@
 
 use crate::math::floor_fraction;
 use crate::math::simd::{max, min};
-use crate::math::vec3::{cross, dot};
+use crate::math::vec3::dot;
 use crate::ply::{EXIT_KINDS, ExitDensity};
 use multiversion::multiversion;
 use std::f32::consts::TAU;
 
-/// Bands of directions in each half of the sphere, rows of the table: the bands' and the pole's, and columns
-/// about the normal.
-pub(crate) const BANDS: usize = 8;
-pub(crate) const ROWS: usize = BANDS + 1;
-pub(crate) const COLUMNS: usize = 16;
+/// Bands of directions in each half of the sphere.
+pub const BANDS: usize = 8;
+/// Rows of a half of the table: the bands' and the pole's.
+pub const ROWS: usize = BANDS + 1;
+/// Columns about the normal.
+pub const COLUMNS: usize = 16;
 /// Offsets across a yarn.
-pub(crate) const OFFSETS: usize = 7;
+pub const OFFSETS: usize = 7;
 /// Numbers of a direction: the offsets, and zeros up to a word.
-pub(crate) const LANES: usize = 8;
+pub const LANES: usize = 8;
 /// Greatest entry: 255 stands for it.
-pub(crate) const MAX_SHARE: f32 = 1.35;
+pub const MAX_SHARE: f32 = 1.35;
 /// The entry of light that all gets out.
 pub(crate) const ALL_FREE: u8 = (255.0 / MAX_SHARE + 0.5) as u8;
 /// Bytes of a place.
-pub(super) const SIZE: usize = 2 * ROWS * COLUMNS * LANES;
+pub const SIZE: usize = 2 * ROWS * COLUMNS * LANES;
 
 /// Bands of directions: z of band r + 1/2 of a half is that to this power of the band's place in the half.
 /// Shadows change most towards the plane.
-pub(crate) fn z_of(band: f32) -> f32 {
+pub fn z_of(band: f32) -> f32 {
     let t = band / BANDS as f32;
     t * t.sqrt()
 }
@@ -64,7 +65,8 @@ pub(crate) struct ShadowsAt<'a> {
 
 /// A direction, and where the table has it.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Toward {
+pub struct Toward {
+    /// Unit.
     pub b: [f32; 3],
     /// `[row][column]` of the four entries around, and the shares of rows and columns.
     at: [[u16; 2]; 2],
@@ -73,8 +75,9 @@ pub(crate) struct Toward {
 }
 
 impl Toward {
+    /// A unit direction.
     #[inline]
-    pub(crate) fn new(b: [f32; 3]) -> Toward {
+    pub fn new(b: [f32; 3]) -> Toward {
         let z = b[2].abs().min(1.0);
         let r = ((band_of(z) - 0.5).max(0.0) as usize).min(BANDS - 1);
         let s = if r + 1 < BANDS {
@@ -149,7 +152,7 @@ pub(crate) fn free<'a>(
 
 /// Where light in direction `b` leaves the tube of this radius about the axis through `center` along `z`
 /// (unit), from a point `p` in it. Along the tube at most ten radii further.
-pub(crate) fn exit(center: [f32; 3], z: [f32; 3], radius: f32, p: [f32; 3], b: [f32; 3]) -> [f32; 3] {
+pub fn exit(center: [f32; 3], z: [f32; 3], radius: f32, p: [f32; 3], b: [f32; 3]) -> [f32; 3] {
     let q: [f32; 3] = std::array::from_fn(|i| p[i] - center[i]);
     let (qz, bz) = (dot(q, z), dot(b, z));
     let across: [f32; 3] = std::array::from_fn(|i| q[i] - qz * z[i]);
@@ -162,64 +165,15 @@ pub(crate) fn exit(center: [f32; 3], z: [f32; 3], radius: f32, p: [f32; 3], b: [
 }
 
 /// Where the axis of a yarn or ply is that light leaves.
-pub(crate) struct AxisAt<T> {
+pub struct AxisAt<T> {
+    /// Its point.
     pub center_um: [f32; 3],
     /// Unit.
     pub axis: [f32; 3],
     /// Curvature vector [1/um].
     pub bend_per_um: [f32; 3],
+    /// Radius of the ply [um].
     pub radius_um: f32,
     /// Which it is.
     pub of: T,
-}
-
-/// One place: lines in every direction, from every offset.
-///
-/// The table's light leaves by lines that are even over the offset t from the axis, as from a straight ply.
-/// Of a bent one, of curvature kappa towards n, lines in direction b have the area `(sin - t kappa (b . B) /
-/// sin^2) ds dt`, B = axis cross n and sin that between b and the axis: more on the outer side of a bend,
-/// less on the inner one, nothing where it folds. What b is sent is in proportion, as what comes from there
-/// is, so each line counts by this area over that of a straight ply, `sin ds dt`, and by `largest_area` at
-/// most.
-///
-/// `place` gives the axis at a fraction, 0 to 1, of the place's length, `free` the share of the light of a
-/// line from a point of the wall in a direction that gets out.
-pub(crate) fn fill_row<T>(
-    row: &mut [u8],
-    (lines, largest_area): (usize, f32),
-    number: &mut impl FnMut() -> f32,
-    place: impl Fn(f32) -> AxisAt<T>,
-    mut free: impl FnMut(&T, [f32; 3], [f32; 3]) -> f32,
-) {
-    for (i, entry) in row.chunks_exact_mut(LANES).enumerate() {
-        let (r, c) = (i / COLUMNS, i % COLUMNS);
-        let sign = if r < ROWS { 1.0 } else { -1.0 };
-        for (o, entry) in entry[..OFFSETS].iter_mut().enumerate() {
-            let mut sum = 0.0;
-            for _ in 0..lines {
-                let AxisAt { center_um, axis, bend_per_um, radius_um, of } = place(number());
-                // A ply sends little light along itself, where much passes: directions are drawn by the sine.
-                let (b, x, sine) = loop {
-                    let band = r % ROWS;
-                    let z = sign * if band < BANDS { z_of(band as f32 + number()) } else { 1.0 };
-                    let (sin, cos) = (TAU * (c as f32 + number()) / COLUMNS as f32).sin_cos();
-                    let across = (1.0 - z * z).max(0.0).sqrt();
-                    let b = [across * cos, across * sin, z];
-                    let x = cross(b, axis);
-                    let sine = dot(x, x).sqrt();
-                    if number() < sine {
-                        break (b, x, sine.max(1e-3));
-                    }
-                };
-                let t = ((o as f32 + number()) / OFFSETS as f32 * 2.0 - 1.0) * radius_um;
-                let area = 1.0 - t * dot(b, cross(axis, bend_per_um)) / (sine * sine * sine);
-                if area <= 0.0 {
-                    continue;
-                }
-                let inner = std::array::from_fn(|i| center_um[i] + t / sine * x[i]);
-                sum += area.min(largest_area) * free(&of, exit(center_um, axis, radius_um, inner, b), b);
-            }
-            *entry = (255.0 / MAX_SHARE * (sum / lines as f32).min(MAX_SHARE) + 0.5) as u8;
-        }
-    }
 }

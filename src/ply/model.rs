@@ -117,7 +117,8 @@ impl PlyModel {
     }
 
     /// Distribution of the exiting light across the ply, by kind.
-    pub(crate) fn exit_shapes(&self) -> &[ExitShape; EXIT_KINDS] {
+    #[doc(hidden)]
+    pub fn exit_shapes(&self) -> &[ExitShape; EXIT_KINDS] {
         match &self.exits {
             Some(exits) => &exits.shapes,
             None => ExitShape::usual(),
@@ -125,7 +126,8 @@ impl PlyModel {
     }
 
     /// Exit positions of light of an incidence on a ply of this radius [um].
-    pub(crate) fn exits_at(&self, theta_i: f32, h_um: f32, radius_um: f32) -> ExitsAt {
+    #[doc(hidden)]
+    pub fn exits_at(&self, theta_i: f32, h_um: f32, radius_um: f32) -> ExitsAt {
         self.exits.as_ref().map_or_else(|| ExitsAt::unknown(theta_i, h_um / radius_um), |exits| exits.at(theta_i, h_um))
     }
 

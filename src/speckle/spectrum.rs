@@ -20,7 +20,6 @@ use crate::Result;
 use crate::io::{Check, Reader, Writer, invalid};
 use crate::math::fft::{Fft, LANES, Lanes};
 use crate::math::hash::{GAMMA, mix64};
-use crate::math::parallel;
 use crate::math::simd::{exp2, ln, signed, sin_cos_half_turns};
 use multiversion::multiversion;
 use std::f64::consts::{LOG2_E, PI, TAU};
@@ -70,20 +69,14 @@ impl NoiseSpectrum {
     /// Makes the tiles: the same bits on every machine.
     pub fn tiles(&self) -> NoiseTiles {
         let count = self.sizes[0];
-        let kinds = parallel::map(2, |kind| {
-            let (mut codes, mut code) = (Vec::with_capacity(self.sizes.iter().product()), Vec::new());
+        let (mut tiles, mut code) = (Vec::with_capacity(2 * self.sizes.iter().product::<usize>()), Vec::new());
+        for kind in 0..2 {
             let field = Field::new(self, kind);
             for tile in 0..count {
                 let (coded, scale) = NoiseTiles::code_roots(&field.roots(tile));
-                codes.extend(coded);
+                tiles.extend(coded);
                 code.extend(scale);
             }
-            (codes, code)
-        });
-        let (mut tiles, mut code) = (Vec::with_capacity(2 * self.sizes.iter().product::<usize>()), Vec::new());
-        for (codes, scales) in kinds {
-            tiles.extend(codes);
-            code.extend(scales);
         }
         NoiseTiles {
             tiles,

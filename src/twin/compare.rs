@@ -8,7 +8,6 @@
 
 use super::{ClothTwin, SphereBins};
 use crate::cloth::ClothModel;
-use crate::math::parallel;
 use crate::{Bsdf, ClothQuery};
 
 /// Outgoing light, as fractions of the incident light.
@@ -67,20 +66,18 @@ const STEPS: [f64; 2] = [0.754_877_666_246_692_8, 0.569_840_290_998_053_3];
 const STEPS_OF_DIRECTIONS: [f64; 2] = [0.856_674_883_854_502_9, 0.733_891_856_627_126];
 const STEPS_OF_REPEATS: [f64; 2] = [0.628_706_721_042_211_5, 0.538_597_257_223_612_7];
 
-/// Compares all views and absorptions of the twin, in its order. The cloth's own colors do not count: the
-/// absorptions are the twin's.
-pub fn compare(cloth: &ClothModel, twin: &ClothTwin, options: &ComparisonOptions) -> Vec<Comparison> {
-    let steps = twin.sigma_count().div_ceil(N);
-    let parts = parallel::map(twin.view_count() * steps, |part| {
-        let (view, first) = (part / steps, part % steps * N);
+/// Compares a view of the twin at all its absorptions, in their order. The cloth's own colors do not count:
+/// the absorptions are the twin's.
+pub fn compare(cloth: &ClothModel, twin: &ClothTwin, view: usize, options: &ComparisonOptions) -> Vec<Comparison> {
+    let mut all = Vec::with_capacity(twin.sigma_count());
+    for first in (0..twin.sigma_count()).step_by(N) {
         let (densities, straight) = mean_of_model(cloth, twin, view, first, options);
-        let held = |k: usize| {
+        for k in 0..N.min(twin.sigma_count() - first) {
             let model: Vec<f64> = densities.iter().map(|d| d[k]).collect();
-            held_to(twin, view, first + k, &model, straight[k])
-        };
-        (0..N.min(twin.sigma_count() - first)).map(held).collect::<Vec<_>>()
-    });
-    parts.into_iter().flatten().collect()
+            all.push(held_to(twin, view, first + k, &model, straight[k]));
+        }
+    }
+    all
 }
 
 /// Half-angle of the cone about the straight direction that is integrated separately [rad]: light beside

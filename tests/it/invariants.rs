@@ -65,6 +65,20 @@ fn the_runtime_is_light() {
     assert_eq!(dependencies("Cargo.toml").into_iter().collect::<Vec<_>>(), allowed);
 }
 
+/// Random numbers come in as arguments, and whoever calls decides on threads.
+#[test]
+fn the_runtime_starts_no_thread_and_draws_no_number() {
+    for file in sources("src").iter().filter(|f| *f != "src/math/hash.rs") {
+        let mut in_tests = false;
+        for (i, line) in code(file).iter().enumerate() {
+            in_tests |= line.contains("#[cfg(test)]");
+            let found = ["std::thread", "thread::", "rayon", "rand::", "rand_pcg", "SplitMix64"];
+            let found = found.iter().find(|word| line.contains(**word));
+            assert!(in_tests || found.is_none(), "{file}:{}: {line}", i + 1);
+        }
+    }
+}
+
 /// Hosts without a file system hand in bytes by name.
 #[test]
 fn the_runtime_touches_files_in_io_alone() {

@@ -10,6 +10,7 @@ use plywave::cloth::{ClothModel, ClothOptions};
 use plywave::twin::{ClothTwin, Comparison, ComparisonOptions, compare};
 use plywave_pipeline::ReadyCloth;
 use plywave_sim::twin::TwinCurves;
+use rayon::prelude::*;
 use std::path::Path;
 
 /// Most that reflected and all transmitted light may be off, up to a tilt of 60 degrees and beyond.
@@ -59,7 +60,8 @@ pub fn run(cli: &Cli, args: &CheckArgs) -> Outcome {
 
 /// Compares a cloth with its twin.
 fn held(cli: &Cli, args: &CheckArgs, (path, twin): (&Path, &ClothTwin), cloth: &ClothModel) -> Outcome {
-    let all = on_threads(cli, || compare(cloth, twin, &ComparisonOptions::default()))?;
+    let of_view = |view| compare(cloth, twin, view, &ComparisonOptions::default());
+    let all = on_threads(cli, || (0..twin.view_count()).into_par_iter().map(of_view).collect::<Vec<_>>().concat())?;
     let passed = all.iter().all(|c| verdicts(twin, c).iter().all(|v| *v));
     let printed = if cli.json {
         let views: Vec<serde_json::Value> = all

@@ -22,8 +22,8 @@ pub fn recipe(file: &Path) -> Outcome<ClothRecipe> {
 fn told<T: Send>(cli: &Cli, work: impl FnOnce(&Run<'_>) -> Result<T, plywave_pipeline::Error> + Send) -> Outcome<T> {
     progress::install_stop();
     let begun = Instant::now();
-    let tell = |Progress { stage, .. }: Progress| {
-        if !cli.quiet && stage != Stage::Curves {
+    let tell = |Progress { stage, done, .. }: Progress| {
+        if !cli.quiet && stage != Stage::Curves && done == 0 {
             eprintln!("cloth: {}, {:.1} s", stage.name(), begun.elapsed().as_secs_f64());
         }
     };

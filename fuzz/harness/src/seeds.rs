@@ -7,7 +7,7 @@ use plywave::ply::{FamilyAxis, FamilyData, FamilyParam, PlyData};
 use plywave::spec::YarnSpec;
 use plywave::speckle::{NoiseSpectrum, SpecklePatterns};
 use plywave::twin::{CLASSES, ClothTwin, SphereBins};
-use plywave_sim::cloth::{CurveFormat, make_cloth, write_curves};
+use plywave_sim::cloth::{CurveFormat, make_cloth, make_ready, write_curves};
 use plywave_sim::runs::{self, Job, Run};
 use plywave_sim::twin::{TwinCurves, TwinJob, TwinOptions};
 use plywave_sim::wave::{ScatterJob, Scene, SpeckleJob, SpeckleOptions};
@@ -154,7 +154,7 @@ fn plain() -> ClothCurves {
 /// A small cloth, with the mean over the cell.
 pub static CLOTH: LazyLock<ClothData> = LazyLock::new(|| {
     let model = Arc::new(PlyModel::load(root().join("tests/data/small.pwm")).expect("the small model"));
-    ClothData::make(PLAIN, "plain", &plain(), &[model.clone(), model], true, |_| Ok(())).expect("a cloth")
+    make_ready(PLAIN, "plain", &plain(), &[model.clone(), model], true, &|_| true).expect("a cloth")
 });
 
 /// A file of a small cloth.

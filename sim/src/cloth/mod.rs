@@ -1,8 +1,8 @@
-//! The geometry of a cloth: from a spec to the curves of its plies.
+//! The making of a cloth: from a spec to the curves of its plies, and to all that shading needs.
 //!
 //! A draft (`woven`) or a grid of stitches (`knitted`) gives a start, `relax` the least energy, and
 //! [`measure`] says what a weaver would measure. Curves of other programs come from and go to files (`bcc`,
-//! `tg3`).
+//! `tg3`). `ready` finds shadows, the light between plies and the mean over the cell.
 
 mod bcc;
 mod files;
@@ -11,6 +11,7 @@ mod knitted;
 mod make;
 mod measure;
 mod minimize;
+mod ready;
 mod relax;
 mod tg3;
 mod woven;
@@ -18,4 +19,5 @@ mod woven;
 pub use files::{CurveFormat, write_curves};
 pub use make::{MadeCloth, make_cloth};
 pub use measure::{ClothMeasures, ClothSolid, YarnMeasures, measure};
+pub use ready::{ClothStep, Told, make_ready};
 pub use relax::{MAX_OVERLAP, Relaxed};

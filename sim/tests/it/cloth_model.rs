@@ -3,7 +3,7 @@
 use plywave::bsdf::{Bsdf, BsdfSample};
 use plywave::cloth::{ClothData, ClothModel, ClothOptions, ClothSpec, ColorOf, GapLight, YarnColor};
 use plywave::{ClothQuery, PlyModel};
-use plywave_sim::cloth::make_cloth;
+use plywave_sim::cloth::{make_cloth, make_ready};
 use std::f32::consts::TAU;
 use std::sync::{Arc, LazyLock};
 
@@ -14,7 +14,7 @@ pub fn made(name: &str, plies: &[&str], has_far: bool) -> ClothData {
     let made = make_cloth(&spec, name, &mut |file| panic!("{file} is not to be read"), &|| true).unwrap();
     let models: Vec<Arc<PlyModel>> =
         plies.iter().map(|ply| Arc::new(PlyModel::load(format!("{folder}/plies/{ply}.pwm")).unwrap())).collect();
-    ClothData::make(&text, name, &made.curves, &models, has_far, |_| Ok(())).unwrap()
+    make_ready(&text, name, &made.curves, &models, has_far, &|_| true).unwrap()
 }
 
 /// A knit, and a woven cloth of plied yarns.
@@ -216,7 +216,7 @@ fn any_query_is_answered() {
 fn foreign_models_are_refused() {
     let cotton = JERSEY.models.clone();
     let make = |models: &[Arc<PlyModel>]| {
-        ClothData::make(&ORGANZA.spec_text, "x", &ORGANZA.curves, models, false, |_| Ok(())).unwrap_err().to_string()
+        make_ready(&ORGANZA.spec_text, "x", &ORGANZA.curves, models, false, &|_| true).unwrap_err().to_string()
     };
     let message = make(&cotton);
     assert!(message.contains("1 models") && message.lines().count() == 1, "{message}");

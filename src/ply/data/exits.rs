@@ -149,7 +149,8 @@ fn tan(theta: f32) -> f32 {
 /// Where light exits, in units of R: its line is nearest to the ply's axis `s` further along z than the
 /// incident line.
 #[derive(Clone, Copy, Debug, Default)]
-pub(crate) struct ExitLine {
+pub struct ExitLine {
+    /// How far along.
     pub s: f32,
     /// Distribution of light of its kind over the offset t of its line from the axis, along `z cross w`.
     pub density: ExitDensity,
@@ -157,7 +158,7 @@ pub(crate) struct ExitLine {
 
 /// Exit offsets at an incidence.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct ExitsAt {
+pub struct ExitsAt {
     mean: Coefficients,
     /// Tangent of the latitude.
     tan: f32,
@@ -178,7 +179,7 @@ impl ExitsAt {
     /// The point P at which the light turns lies on the incident line, `P_z = P_y tan theta_i`; the exit line
     /// is nearest to the axis at `s = P_z - (P_x x + P_y y) tan theta_o`.
     #[inline]
-    pub(crate) fn lines(&self, shapes: &[ExitShape; EXIT_KINDS], wo: [f32; 3]) -> [ExitLine; EXIT_KINDS] {
+    pub fn lines(&self, shapes: &[ExitShape; EXIT_KINDS], wo: [f32; 3]) -> [ExitLine; EXIT_KINDS] {
         let squared = wo[0] * wo[0] + wo[1] * wo[1];
         let per = if squared > 1e-8 { 1.0 / squared.sqrt() } else { 0.0 };
         let (x, y) = (wo[0] * per, wo[1] * per);
@@ -201,7 +202,7 @@ impl ExitsAt {
 
     /// Share v of the kind of clear fibers.
     #[inline]
-    pub(crate) fn clear_share(sigma_per_um: f32) -> f32 {
+    pub fn clear_share(sigma_per_um: f32) -> f32 {
         1.0 / (1.0 + EXIT_LENGTH_UM as f32 * sigma_per_um.clamp(0.0, 1e6))
     }
 }
@@ -283,7 +284,7 @@ fn shape(mean: f64, length: f64) -> [f64; 2] {
 
 /// A density of [`ExitShape`].
 #[derive(Clone, Copy, Debug, Default)]
-pub(crate) struct ExitDensity {
+pub struct ExitDensity {
     mode: f32,
     /// log2(e) over the length.
     per: f32,
@@ -303,12 +304,12 @@ impl ExitDensity {
     }
 
     /// The share per offset at `t`, which lies from -1 to 1.
-    pub(crate) fn at(&self, t: f32) -> f32 {
+    pub fn at(&self, t: f32) -> f32 {
         exp2::<false>(-(t - self.mode).abs() * self.per) * self.per_all * self.per * std::f32::consts::LN_2
     }
 
     /// The offset below which the share `u` exits.
-    pub(crate) fn draw(&self, u: f32) -> f32 {
+    pub fn draw(&self, u: f32) -> f32 {
         let e = u / self.per_all + self.tail;
         let t = if e < 1.0 { e.log2() } else { -(2.0 - e).max(f32::MIN_POSITIVE).log2() };
         (self.mode + t / self.per).clamp(-1.0, 1.0)

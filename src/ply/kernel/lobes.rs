@@ -9,11 +9,13 @@ use crate::ply::model::PlyModel;
 /// Values of the lobes in one direction, with the instance's patterns, and the density of sampling it from
 /// them [1/sr]; light of slits is in f_high.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct LobeLight<const N: usize> {
-    pub(crate) refl: [f32; N],
-    pub(crate) high: [f32; N],
+pub struct LobeLight<const N: usize> {
+    /// f_refl.
+    pub refl: [f32; N],
+    /// f_high.
+    pub high: [f32; N],
     /// Density among directions that the lobes yield, without missed light: its integral is 1.
-    pub(crate) pdf: f32,
+    pub pdf: f32,
 }
 
 /// The lobes of a model at one incidence, N absorptions.
@@ -112,7 +114,7 @@ impl<'a, const N: usize> Kept<'a, N> {
 
 /// Lobes of a ply that is hit, for many absorptions; directions are sampled by the first of them.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct ByFirst<'a, const N: usize> {
+pub struct ByFirst<'a, const N: usize> {
     lobes: Cached<'a, N>,
     energies: Energies<N>,
     /// Scattered share of all light that a sample may choose.
@@ -121,13 +123,13 @@ pub(crate) struct ByFirst<'a, const N: usize> {
 
 impl<const N: usize> ByFirst<'_, N> {
     /// Scattered energies.
-    pub(crate) fn albedo(&self) -> [f32; N] {
+    pub fn albedo(&self) -> [f32; N] {
         self.energies.albedo()
     }
 
     /// A direction, and the lobes there with the density of sampling it by the first absorption.
     #[inline]
-    pub(crate) fn sample(&self, u: [f32; 3]) -> Option<([f32; 3], LobeLight<N>)> {
+    pub fn sample(&self, u: [f32; 3]) -> Option<([f32; 3], LobeLight<N>)> {
         // The last numbers belong to missed light.
         let u = [(u[0] * self.hit).min(self.hit * (1.0 - 1e-6)), u[1], u[2]];
         let (w, core) = match &self.lobes.prepared {
@@ -217,7 +219,8 @@ impl PlyModel {
     }
 
     /// The lobes at an incidence, interpolated once, for directions sampled by the first absorption.
-    pub(crate) fn by_first<const N: usize>(&self, theta_i: f32, h_um: f32, sigma_per_um: [f32; N]) -> ByFirst<'_, N> {
+    #[doc(hidden)]
+    pub fn by_first<const N: usize>(&self, theta_i: f32, h_um: f32, sigma_per_um: [f32; N]) -> ByFirst<'_, N> {
         let mut lobes = self.cached(theta_i, h_um, sigma_per_um);
         lobes.uncached.prepare_drawn_by(DrawnBy::First, &mut lobes.prepared);
         let energies = lobes.energies();

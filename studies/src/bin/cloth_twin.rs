@@ -9,7 +9,8 @@ use plywave::bsdf::Bsdf;
 use plywave::cloth::{ClothData, ClothModel, ClothOptions, ClothSpec};
 use plywave::twin::{ClothTwin, ComparisonOptions, compare};
 use plywave::{ClothQuery, PlyModel};
-use plywave_sim::cloth::make_cloth;
+use plywave_sim::cloth::{make_cloth, make_ready};
+use rayon::prelude::*;
 use std::f32::consts::TAU;
 use std::sync::Arc;
 use std::time::Instant;
@@ -33,7 +34,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         models.iter().map(|m| Ok(Arc::new(PlyModel::load(m)?))).collect::<plywave::Result<_>>()?;
     let options = ClothOptions { sigma_per_um: Some(0.0), ..ClothOptions::RAYS };
     let text = std::fs::read_to_string(file)?;
-    let data = ClothData::make(&text, &spec.name, &made.curves, &models, false, |_| Ok(()))?;
+    let data = make_ready(&text, &spec.name, &made.curves, &models, false, &|_| true)?;
     told("cloth");
     let bytes = data.to_bytes()?;
     told("written");
@@ -48,7 +49,9 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     told("speed");
     if let Ok(twin) = ClothTwin::load(twin) {
         let places = std::env::var("PLACES").ok().and_then(|p| p.parse().ok()).unwrap_or(2048);
-        for c in compare(&cloth, &twin, &ComparisonOptions { places, directions: 1 }) {
+        let options = ComparisonOptions { places, directions: 1 };
+        let views = (0..twin.view_count()).into_par_iter().map(|view| compare(&cloth, &twin, view, &options));
+        for c in views.collect::<Vec<_>>().concat() {
             let (twin_light, model) = (c.twin, c.model);
             println!(
                 "{}: R {:.4} {:.4}  T {:.4} {:.4}  straight {:.4} {:.4}  L2 {:.3} {:.3}",

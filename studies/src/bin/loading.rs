@@ -7,7 +7,7 @@
 
 use plywave::PlyModel;
 use plywave::cloth::{ClothData, ClothModel, ClothOptions, ClothSpec, Values};
-use plywave_sim::cloth::make_cloth;
+use plywave_sim::cloth::{make_cloth, make_ready};
 use std::path::Path;
 use std::sync::Arc;
 use std::time::Instant;
@@ -71,7 +71,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             Ok(Arc::new(PlyModel::load(folder.join(model).with_extension("pwm"))?))
         });
         let models = models.collect::<Result<Vec<_>, Box<dyn std::error::Error>>>()?;
-        let (data, making) = timed(|| ClothData::make(&text, &spec.name, &made.curves, &models, far, |_| Ok(())));
+        let (data, making) = timed(|| make_ready(&text, &spec.name, &made.curves, &models, far, &|_| true));
         let bytes = data?.to_bytes()?;
         let (data, reading) = timed(|| ClothData::from_bytes(&bytes, &name));
         let options = ClothOptions { far, ..ClothOptions::default() };

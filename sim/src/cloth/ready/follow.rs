@@ -1,14 +1,12 @@
-//! Paths through a cloth of curves.
+//! Paths through a cloth.
 
-use super::lines::LineHits;
 use super::paths::{Escaped, Scattered};
-use super::plies::{ClothPlies, class, frame, start};
-use super::shade::{ClothShade, ClothShadows, PassesPlies, is_own};
-use super::shadow::exit;
-use crate::math::vec3::{cross, dot};
+use plywave::cloth::LineHits;
+use plywave::cloth::making::{ClothPlies, ClothShade, ClothShadows, class, exit, frame, is_own, start};
+use plywave::math::vec3::{cross, dot};
 
 /// Shadows of a cloth, while the light between its plies is found.
-pub(crate) struct ClothPaths<'a> {
+pub(super) struct ClothPaths<'a> {
     pub plies: &'a ClothPlies,
     pub shadows: &'a ClothShadows,
 }

@@ -3,18 +3,18 @@
 //! A ply scatters as its model says; light leaves it as the model's exits lie; a line that passes a ply's rim
 //! goes on. `follow.rs` finds the plies.
 
-use super::between::{
-    CLASSES, CLASSES_A_KIND, FEW, InterYarn, PAIRS, Poly, SIGMA_PER_UM, SIGMAS, Side, TERMS, dot, few, terms,
-};
 use super::follow::ClothPaths;
 use super::regression::Sums;
-use super::shade::ClothShade;
-use super::shadow::Toward;
 use super::splines;
-use crate::PlyModel;
-use crate::math::hash::SplitMix64;
-use crate::math::parallel;
-use crate::ply::ExitsAt;
+use super::{Told, parts};
+use crate::error::SimError;
+use plywave::PlyModel;
+use plywave::cloth::making::{
+    CLASSES, CLASSES_A_KIND, ClothShade, FEW, InterYarn, PAIRS, Poly, SIGMA_PER_UM, SIGMAS, Side, SplinesAt, TERMS,
+    Toward, dot, few, terms,
+};
+use plywave::math::hash::SplitMix64;
+use plywave::ply::ExitsAt;
 use std::f32::consts::PI;
 
 /// Beams from each side whose first ply is looked at: what is caught needs many terms of the direction, and
@@ -36,7 +36,7 @@ const MAX_DRAWN: usize = 100;
 const MIN_WEIGHT: f32 = 1e-4;
 
 /// Light that has left the cloth.
-pub(crate) struct Escaped {
+pub(super) struct Escaped {
     /// Plies that scattered it.
     pub orders: usize,
     /// Class of the first ply; whether it sent the light up.
@@ -54,7 +54,7 @@ pub(crate) struct Escaped {
 }
 
 /// A ply that scatters a path.
-pub(crate) struct Scattered<'a> {
+pub(super) struct Scattered<'a> {
     pub model: &'a PlyModel,
     pub theta_i: f32,
     pub h_um: f32,
@@ -66,7 +66,7 @@ pub(crate) struct Scattered<'a> {
 
 impl Escaped {
     /// A path that has met nothing yet.
-    pub(crate) fn new() -> Escaped {
+    pub(super) fn new() -> Escaped {
         Escaped {
             orders: 0,
             class: 0,
@@ -80,7 +80,7 @@ impl Escaped {
     }
 
     /// Whether nothing that counts is left of it, or it has gone on for long enough.
-    pub(crate) fn is_over(&self) -> bool {
+    pub(super) fn is_over(&self) -> bool {
         let most = self.weight.iter().map(|w| w.iter().fold(0.0f32, |m, v| m.max(*v))).product::<f32>();
         self.orders >= MAX_ORDERS || most < MIN_WEIGHT
     }
@@ -89,7 +89,7 @@ impl Escaped {
     /// at which the new line passes the ply's axis, `-t` along `d cross z`, and how far along the axis;
     /// `None` where no direction is found. `first` is the class and the shadows of a first ply, of which the
     /// light is looked at; a path that is not followed ends there.
-    pub(crate) fn scatter(
+    pub(super) fn scatter(
         &mut self,
         scattered: &Scattered<'_>,
         first: Option<(usize, ClothShade<'_>)>,
@@ -224,7 +224,7 @@ impl Found {
         for (looks, energy) in looks.as_chunks_mut::<SIGMAS>().0.iter_mut().zip([up, down, gone.scattered]) {
             *looks = energy;
         }
-        self.caught[side][gone.class].add(&looks, &splines::At::new(a));
+        self.caught[side][gone.class].add(&looks, &SplinesAt::new(a));
         if gone.orders < 2 {
             return;
         }
@@ -252,35 +252,33 @@ impl Found {
     }
 }
 
-impl InterYarn {
-    /// Of paths through a cloth.
-    pub(super) fn new(paths: &ClothPaths<'_>) -> InterYarn {
-        let found = parallel::map(CHUNKS, |chunk| Found::new(paths, chunk));
-        let mut all = Found::none();
-        found.iter().for_each(|found| all.join(found));
-        let Found { caught, leaves, mean } = all;
-        let means = mean.map(|sums| sums.solve());
-        let integrals = integrals();
-        let side = |side: usize| {
-            let shape = |half: usize, pair: usize| -> Poly {
-                // What leaves on the other side is what comes from there.
-                let from = if half == 0 { side } else { 1 - side };
-                let poly = means[from][half * PAIRS + pair];
-                let all = dot(&poly, &integrals);
-                if all > 1e-6 {
-                    poly.map(|v| v / all)
-                } else {
-                    std::array::from_fn(|i| if i == 0 { 1.0 / PI } else { 0.0 })
-                }
-            };
-            Side {
-                caught: caught[side].iter().flat_map(|sums| splines::several(&sums.solve())).collect(),
-                leaves: leaves[side].iter().flat_map(Sums::solve).collect(),
-                shape: (0..2 * PAIRS).map(|at| shape(at / PAIRS, at % PAIRS)).collect(),
+/// The light between the plies of a cloth.
+pub(super) fn light_between(paths: &ClothPaths<'_>, told: Told<'_>) -> Result<InterYarn, SimError> {
+    let found = parts("light between plies", CHUNKS, told, |chunk| Found::new(paths, chunk))?;
+    let mut all = Found::none();
+    found.iter().for_each(|found| all.join(found));
+    let Found { caught, leaves, mean } = all;
+    let means = mean.map(|sums| sums.solve());
+    let integrals = integrals();
+    let side = |side: usize| {
+        let shape = |half: usize, pair: usize| -> Poly {
+            // What leaves on the other side is what comes from there.
+            let from = if half == 0 { side } else { 1 - side };
+            let poly = means[from][half * PAIRS + pair];
+            let all = dot(&poly, &integrals);
+            if all > 1e-6 {
+                poly.map(|v| v / all)
+            } else {
+                std::array::from_fn(|i| if i == 0 { 1.0 / PI } else { 0.0 })
             }
         };
-        InterYarn { sides: [side(0), side(1)] }
-    }
+        Side {
+            caught: caught[side].iter().flat_map(|sums| splines::several(&sums.solve())).collect(),
+            leaves: leaves[side].iter().flat_map(Sums::solve).collect(),
+            shape: (0..2 * PAIRS).map(|at| shape(at / PAIRS, at % PAIRS)).collect(),
+        }
+    };
+    Ok(InterYarn { sides: [side(0), side(1)] })
 }
 
 /// Integrals over a half of the sphere of the terms times z.
