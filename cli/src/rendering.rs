@@ -97,6 +97,7 @@ pub fn check_flags(args: &RenderArgs) -> Outcome {
         ("--cloth-mm", Some(args.cloth_mm), 1e-3, 1e6),
         ("--sigma", args.sigma, 0.0, 1e6),
         ("--slit-share", args.slit_share, 0.0, 1.0),
+        ("--lamp-scale", args.lamp_scale, 1e-3, 1e3),
         ("--exposure", Some(args.exposure), -40.0, 40.0),
         ("--fov", args.fov, 0.001, 170.0),
     ] {

@@ -124,6 +124,11 @@ pub(crate) struct Arriving {
 }
 
 impl Arriving {
+    /// Whether it is light of the sky.
+    pub fn is_sky(&self) -> bool {
+        self.t.is_infinite()
+    }
+
     /// Distance [mm] within which an object occludes the source.
     pub fn reach(&self) -> f32 {
         self.t * (1.0 - 1e-4)

@@ -262,7 +262,7 @@ fn scatter(
 }
 
 /// A starting point off the sheet, on the side that `direction` points to.
-fn leave(point: &SurfacePoint, direction: Vec3) -> Vec3 {
+pub(crate) fn leave(point: &SurfacePoint, direction: Vec3) -> Vec3 {
     let offset = 1e-5 * (1.0 + point.position.abs().max_element());
     point.position + point.face * offset.copysign(point.face.dot(direction))
 }

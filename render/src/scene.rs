@@ -97,6 +97,16 @@ impl Scene {
         Scene { bvh, triangles, corners, mesh, lights, environment, props, sampling }
     }
 
+    /// Makes lamps this many times as wide, about their middles, and as much dimmer as gives a point far from
+    /// them the same light.
+    pub fn widen_lamps(&mut self, times: f32) {
+        for light in &mut self.lights {
+            light.corner += 0.5 * (1.0 - times) * (light.edges[0] + light.edges[1]);
+            light.edges = light.edges.map(|edge| edge * times);
+            light.radiance /= times * times;
+        }
+    }
+
     /// Lamps and sky.
     pub(crate) fn sources(&self) -> Sources<'_> {
         Sources { lights: &self.lights, environment: &self.environment, sampling: self.sampling }

@@ -234,6 +234,11 @@ impl ClothModel {
         reflectance.map(|r| self.curve.sigma(f64::from(r)).0 as f32)
     }
 
+    /// Absorption of a yarn [1/um] by its kind and its number, as the curves have them, at wavelengths [um].
+    pub fn yarn_sigma_per_um<const N: usize>(&self, kind: usize, number: i32, lambda_um: [f32; N]) -> [f32; N] {
+        self.dyes.of(kind.min(self.plies.kinds - 1), number).at(lambda_um, Channels::Wavelengths)
+    }
+
     /// Absorptions of a kind of yarn, or their mean.
     #[inline]
     fn sigma<const N: usize>(&self, query: &ClothQuery<'_, N>, kind: usize) -> [f32; N] {

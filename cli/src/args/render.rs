@@ -103,6 +103,13 @@ pub struct RenderArgs {
     /// One absorption coefficient [1/um] for all yarns instead of their colors; 0 for a white cloth.
     #[arg(long, value_name = "SIGMA", allow_negative_numbers = true)]
     pub sigma: Option<f64>,
+    /// Trace the fibers of the cloth themselves instead of its model, for comparison: by rays, without
+    /// diffraction and speckle. It takes a hundred times as long.
+    #[arg(long, conflicts_with_all = ["straight_gaps", "slit_um", "without"])]
+    pub fibers: bool,
+    /// Make the scene's lamps this many times as wide, for the same light on the cloth.
+    #[arg(long, value_name = "TIMES", allow_negative_numbers = true)]
+    pub lamp_scale: Option<f64>,
     /// Let light through gaps go straight on without diffraction, for comparison.
     #[arg(long)]
     pub straight_gaps: bool,

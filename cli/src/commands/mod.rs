@@ -16,6 +16,7 @@ pub mod eval;
 pub mod family;
 pub mod farm;
 pub mod fiber_view;
+mod fibers;
 pub mod fit;
 pub mod info;
 pub mod info_fiber;

@@ -1,5 +1,6 @@
 //! `plywave render`: a cloth in a ready-made scene, or strands in their own, by the reference host.
 
+use super::fibers::Fibers;
 use super::{cloth_file, color};
 use crate::args::{Cli, ClothPart, Integrator, RenderArgs};
 use crate::failure::{Failure, Outcome};
@@ -9,7 +10,7 @@ use crate::rendering::{About, Outputs, camera, camera_flags, check_flags, film, 
 use plywave::cloth::{ClothModel, ClothOptions, GapLight, Slits};
 use plywave::gap::{SLIT_MAX_UM, SLIT_SHARE};
 use plywave_pipeline::{ReadyCloth, digest_of_file};
-use plywave_render::{RenderOptions, Setup, render};
+use plywave_render::{RenderOptions, Setup, render, render_matter};
 use std::path::{Path, PathBuf};
 
 /// Slits as the flags have them; those of the spec without.
@@ -83,23 +84,33 @@ pub fn run(cli: &Cli, args: &RenderArgs) -> Outcome {
         ("--depth", args.depth.to_string()),
         ("--seed", args.seed.to_string()),
         ("--sigma", format!("{:?}", args.sigma)),
+        ("--fibers", args.fibers.to_string()),
+        ("--lamp-scale", format!("{:?}", args.lamp_scale)),
         ("options", format!("{options:?}")),
     ] {
         of.push((name.to_string(), value));
     }
     of.extend(camera_flags(args));
     let film = film(args, &outputs, &of)?;
-    notes.extend(data.notes(&options));
+    if !args.fibers {
+        notes.extend(data.notes(&options));
+    }
     notes.extend(told);
     let name = data.name.clone();
+    let tracer = if args.fibers { Some(super::fibers::tracer(cli, &data, &args.cloth, args.seed)?) } else { None };
     let cloth = ClothModel::from_data(data, &options)?;
     if args.sigma.is_none() {
         notes.extend(color::cloth_notes(&cloth));
     }
-    let (scene, _) = setup.scene(size, mesh, sky);
+    let (mut scene, _) = setup.scene(size, mesh, sky);
+    scene.widen_lamps(args.lamp_scale.map_or(1.0, |times| times as f32));
     let render_options = RenderOptions { samples: args.samples, depth: args.depth, seed: args.seed };
     let about = About { name, scene: format!("{named:?}").to_lowercase(), notes };
-    shoot(cli, args, &outputs, &of, film, about, |film, after| {
-        render(&scene, &camera, &cloth, film, &render_options, &STOP, after)
+    shoot(cli, args, &outputs, &of, film, about, |film, after| match tracer {
+        Some(tracer) => {
+            let fibers = Fibers { tracer, cloth };
+            render_matter(&scene, &camera, &fibers, film, &render_options, &STOP, after)
+        }
+        None => render(&scene, &camera, &cloth, film, &render_options, &STOP, after),
     })
 }

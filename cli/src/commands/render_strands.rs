@@ -18,6 +18,8 @@ fn check_foreign(args: &RenderArgs) -> Outcome {
         ("--size-mm", args.size_mm.is_some()),
         ("--mesh", args.mesh.is_some()),
         ("--sigma", args.sigma.is_some()),
+        ("--fibers", args.fibers),
+        ("--lamp-scale", args.lamp_scale.is_some()),
         ("--straight-gaps", args.straight_gaps),
         ("--smooth", args.smooth),
         ("--slit-um", args.slit_um.is_some()),

@@ -10,6 +10,7 @@ mod docs;
 mod false_alarms;
 mod family;
 mod fiber;
+mod fibers;
 mod field;
 mod figures;
 mod filaments;

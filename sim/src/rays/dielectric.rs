@@ -34,6 +34,18 @@ pub struct Scattered {
     pub order: u32,
 }
 
+/// A ray at a facet of a microsurface.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct AtFacet {
+    /// Its direction and its height, as cumulative probability, in the frame of its medium.
+    w: Vector3<f32>,
+    c: f32,
+    /// Index beyond the facet over that of its medium.
+    eta: f32,
+    /// Whether its medium is the inside.
+    flipped: bool,
+}
+
 /// Microfacet interactions after which a walk stops; the path then counts as killed.
 pub(super) const MAX_ORDER: u32 = 512;
 
@@ -54,6 +66,18 @@ impl RoughDielectric {
     /// Scatters a ray that propagates along `dir` (local frame) and hits the interface from `outside` or from
     /// inside.
     pub fn scatter<R: Rng>(&self, dir: Vector3<f32>, outside: bool, rng: &mut R) -> Scattered {
+        self.walk(dir, outside, rng, |_| ())
+    }
+
+    /// As [`RoughDielectric::scatter`]; `on_facet` is told of each facet that the ray meets, of rough walls.
+    #[inline(always)]
+    pub(crate) fn walk<R: Rng>(
+        &self,
+        dir: Vector3<f32>,
+        outside: bool,
+        rng: &mut R,
+        mut on_facet: impl FnMut(&AtFacet),
+    ) -> Scattered {
         // Frame of the medium the ray comes from; `flipped` if that is the inside.
         let mut flipped = !outside;
         let mut w = if flipped { -dir } else { dir };
@@ -77,6 +101,7 @@ impl RoughDielectric {
             if order > MAX_ORDER {
                 return Scattered { dir: if flipped { -w } else { w }, outside: !flipped, order: 0 };
             }
+            on_facet(&AtFacet { w, c, eta, flipped });
             let n = self.visible_normal(-w, rng.random::<f32>(), rng.random::<f32>());
             if self.facet(&mut w, n, eta, rng) {
                 w = -w;
@@ -86,6 +111,57 @@ impl RoughDielectric {
             }
         }
         Scattered { dir: if flipped { -w } else { w }, outside: !flipped, order }
+    }
+
+    /// Density [1/sr] with which a ray at a facet leaves to the outside in direction `wo` (unit, local frame)
+    /// by its next event. Its sum over the facets of a walk has the walk's density as its mean (Heitz et al.
+    /// 2016, 5.3).
+    pub(crate) fn toward(&self, at: &AtFacet, wo: Vector3<f32>) -> f32 {
+        if wo.z < 1e-4 {
+            return 0.0;
+        }
+        let wi = -at.w;
+        if at.flipped {
+            // Refracted; seen in the frame of the inside, the direction is turned over.
+            let wt = -wo;
+            let mut h = wi + wt * at.eta;
+            let length = h.norm();
+            if length < 1e-6 {
+                return 0.0;
+            }
+            h *= if h.z < 0.0 { -1.0 } else { 1.0 } / length;
+            let (cos_i, cos_t) = (wi.dot(&h), wt.dot(&h));
+            if cos_i <= 0.0 || cos_t >= 0.0 {
+                return 0.0;
+            }
+            let per = cos_i + at.eta * cos_t;
+            let jacobian = at.eta * at.eta * -cos_t / (per * per).max(1e-12);
+            (1.0 - fresnel(cos_i, at.eta).0) * self.visible(at.w, h, cos_i) * jacobian * self.escapes(1.0 - at.c, wo)
+        } else {
+            self.mirrored(at.w, at.c, wo).map_or(0.0, |(density, cos)| density * fresnel(cos, at.eta).0)
+        }
+    }
+
+    /// Density of the normal `h` among those that a ray in direction `w` meets, `cos = -w.h > 0`.
+    fn visible(&self, w: Vector3<f32>, h: Vector3<f32>, cos: f32) -> f32 {
+        // Projected area of the facets; that of a horizontal ray is a limit.
+        let area = if w.z.abs() > 1e-4 { w.z * self.lambda(w) } else { 0.5 * self.alpha };
+        let a2 = self.alpha * self.alpha;
+        let root = h.z * h.z * (a2 - 1.0) + 1.0;
+        if area <= 1e-9 { 0.0 } else { cos * a2 / (std::f32::consts::PI * root * root) / area }
+    }
+
+    /// Density with which a facet that reflects all sends a ray in direction `w` at height `c` off in
+    /// direction `wo`, up, and its cosine of incidence.
+    pub(super) fn mirrored(&self, w: Vector3<f32>, c: f32, wo: Vector3<f32>) -> Option<(f32, f32)> {
+        let h = (wo - w).try_normalize(1e-6)?;
+        let cos = -w.dot(&h);
+        (cos > 1e-6 && h.z > 0.0).then(|| (self.visible(w, h, cos) / (4.0 * cos) * self.escapes(c, wo), cos))
+    }
+
+    /// Chance that a ray at height `c` leaves in direction `w`, up.
+    fn escapes(&self, c: f32, w: Vector3<f32>) -> f32 {
+        powf(c, self.lambda(w))
     }
 
     /// Reflects or refracts `w` at a facet of normal `n` (n.w < 0); true when refracted. Does not turn the
@@ -179,6 +255,48 @@ mod tests {
             let (s, c) = sin_cos_turn(u);
             let (ws, wc) = (u as f64 * std::f64::consts::TAU).sin_cos();
             assert!((s as f64 - ws).abs() < 4e-7 && (c as f64 - wc).abs() < 4e-7, "u {u}: {s} {ws} {c} {wc}");
+        }
+    }
+
+    /// Densities towards drawn directions, and directions that the walk leaves in, have the same moments: of
+    /// rays from outside and from within, steep and grazing.
+    #[test]
+    fn densities_are_those_of_the_walk() {
+        let mut rng = Pcg64Mcg::seed_from_u64(5);
+        let n = 200_000;
+        let moments = |w: Vector3<f32>| {
+            let [x, z] = [w.x, w.z].map(f64::from);
+            [1.0, z, z * z, x, x * z, x * x]
+        };
+        for (eta, alpha) in [(1.5, 0.15), (1.5, 0.4), (1.34, 0.8), (0.8, 0.3)] {
+            let m = RoughDielectric { eta, alpha };
+            for (z, outside) in [(-0.95f32, true), (-0.3, true), (0.97, false), (0.7, false), (0.2, false)] {
+                let dir = Vector3::new((1.0 - z * z).sqrt(), 0.0, z);
+                let mut sums = [[[0.0f64; 6]; 2]; 2];
+                for _ in 0..n {
+                    // Even over the half outside.
+                    let [up, turn]: [f32; 2] = rng.random();
+                    let (sin, cos) = sin_cos_turn(turn);
+                    let across = (1.0 - up * up).sqrt();
+                    let wo = Vector3::new(across * cos, across * sin, up);
+                    let mut density = 0.0f64;
+                    let s = m.walk(dir, outside, &mut rng, |at| density += f64::from(m.toward(at, wo)));
+                    let left = if s.outside { moments(s.dir) } else { [0.0; 6] };
+                    let drawn = moments(wo).map(|v| v * density * std::f64::consts::TAU);
+                    for (sums, values) in sums.iter_mut().zip([left, drawn]) {
+                        (0..6).for_each(|k| {
+                            sums[0][k] += values[k] / n as f64;
+                            sums[1][k] += values[k] * values[k] / n as f64;
+                        });
+                    }
+                }
+                for k in 0..6 {
+                    let [left, drawn] = sums.map(|of| of[0][k]);
+                    let se = sums.map(|of| (of[1][k] - of[0][k] * of[0][k]).max(0.0) / n as f64);
+                    let se = (se[0] + se[1]).sqrt();
+                    assert!((left - drawn).abs() < 4.5 * se + 1e-3, "{eta} {alpha} {z} {k}: {left} {drawn} {se}");
+                }
+            }
         }
     }
 

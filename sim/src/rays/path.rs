@@ -1,7 +1,7 @@
 //! The walk of one path through a ply: rough dielectric scattering at every fiber wall until the path escapes
 //! (Yu 2025, 4.4).
 
-use crate::rays::dielectric::RoughDielectric;
+use crate::rays::dielectric::{RoughDielectric, Scattered};
 use crate::rays::surface::{FiberSurface, Surfaces, Wall};
 use crate::rays::tracer::{Medium, Trace, Tracer, WALL_OFFSET_UM};
 use nalgebra::Vector3;
@@ -73,9 +73,41 @@ pub fn trace_path_among<T: Tracer + ?Sized, R: Rng>(
 pub(crate) fn walk<'s, R: Rng>(
     trace: impl Fn(Vector3<f32>, Vector3<f32>, Medium) -> Trace,
     surface: impl Fn(u32) -> &'s FiberSurface,
+    pos: Vector3<f32>,
+    dir: Vector3<f32>,
+    rng: &mut R,
+    on_hit: impl FnMut(u32, f32, &mut Vector3<f32>),
+) -> PathEnd {
+    walk_by(trace, surface, pos, dir, rng, |at, rng| at.wall.scatter(at.local, at.outside, rng), on_hit)
+}
+
+/// A ray that hits a wall.
+pub(crate) struct AtWall<'s> {
+    pub fiber: u32,
+    pub wall: &'s Wall,
+    /// Whether it is the wall of a core.
+    pub lumen: bool,
+    /// Where [um].
+    pub pos: Vector3<f32>,
+    /// Axes of the local frame; the last one is the normal.
+    pub axes: [Vector3<f32>; 3],
+    /// The ray's direction in it.
+    pub local: Vector3<f32>,
+    /// Whether it comes from outside the material.
+    pub outside: bool,
+    /// Length since the last wall that counts for absorption [um].
+    pub inside_um: f32,
+}
+
+/// As [`walk`], with the scattering at walls by `scatter`, which returns what [`Wall::scatter`] does.
+#[inline(always)]
+pub(crate) fn walk_by<'s, R: Rng>(
+    trace: impl Fn(Vector3<f32>, Vector3<f32>, Medium) -> Trace,
+    surface: impl Fn(u32) -> &'s FiberSurface,
     mut pos: Vector3<f32>,
     mut dir: Vector3<f32>,
     rng: &mut R,
+    mut scatter: impl FnMut(&AtWall<'s>, &mut R) -> (Scattered, f32),
     mut on_hit: impl FnMut(u32, f32, &mut Vector3<f32>),
 ) -> PathEnd {
     let mut medium = Medium::Air;
@@ -106,15 +138,21 @@ pub(crate) fn walk<'s, R: Rng>(
         let z = dir.dot(&n).abs().max(1e-6);
         let local = Vector3::new(dir.dot(&t), dir.dot(&b), if outside { -z } else { z });
         let wall = if hit.lumen { &fiber.inner } else { &fiber.outer };
-        let s = match wall {
-            Wall::Dielectric(wall) => wall.scatter(local, outside, rng),
-            Wall::Opaque(wall) => {
-                let (s, reflections_um) = wall.scatter(local, rng);
-                inside_um += reflections_um;
-                entered = true;
-                s
-            }
+        let at = AtWall {
+            fiber: hit.fiber,
+            wall,
+            lumen: hit.lumen,
+            pos: pos + dir * hit.t_um,
+            axes: [t, b, n],
+            local,
+            outside,
+            inside_um,
         };
+        let (s, reflections_um) = scatter(&at, rng);
+        if matches!(wall, Wall::Opaque(_)) {
+            inside_um += reflections_um;
+            entered = true;
+        }
         if s.order == 0 {
             return PathEnd::Killed;
         }

@@ -24,28 +24,30 @@ impl RoughConductor {
     /// Reflects a ray that propagates along `dir` (local frame, z along the normal, which points outside).
     /// Returns its direction and the length that its reflections stand for [um].
     pub fn scatter<R: Rng>(&self, dir: Vector3<f32>, rng: &mut R) -> (Scattered, f32) {
-        self.walk(dir, rng, |cos| self.reflections.length_um(cos))
+        self.walk(dir, rng, |cos| self.reflections.length_um(cos), |_, _, _| ())
     }
 
     /// The walk over the microsurface. Returns the direction and the sum of `of_facet` over the cosines of
-    /// incidence at the facets.
+    /// incidence at the facets. `on_facet` is told, before a facet of a rough wall reflects, of direction,
+    /// height and the sum so far.
     pub(crate) fn walk<R: Rng>(
         &self,
         dir: Vector3<f32>,
         rng: &mut R,
         of_facet: impl Fn(f32) -> f32,
+        mut on_facet: impl FnMut(Vector3<f32>, f32, f32),
     ) -> (Scattered, f32) {
         let mut w = dir;
         let (mut sum, mut order) = (0.0, 0);
-        let mut reflect = |w: &mut Vector3<f32>, n: Vector3<f32>| {
+        let reflect = |w: &mut Vector3<f32>, sum: &mut f32, n: Vector3<f32>| {
             let cos = (-w.dot(&n)).max(0.0);
-            sum += of_facet(cos);
+            *sum += of_facet(cos);
             *w += n * (2.0 * cos);
             // One Newton step of the normalization, as in the dielectric.
             *w *= 1.5 - 0.5 * w.norm_squared();
         };
         if self.alpha <= 0.0 {
-            reflect(&mut w, Vector3::z());
+            reflect(&mut w, &mut sum, Vector3::z());
             return (Scattered { dir: w, outside: true, order: 1 }, sum);
         }
         // Heights and normals are those of the dielectric's microsurface, whatever its index.
@@ -57,8 +59,9 @@ impl RoughConductor {
             if order > MAX_ORDER {
                 return (Scattered { dir: w, outside: true, order: 0 }, sum);
             }
+            on_facet(w, c, sum);
             let n = micro.visible_normal(-w, rng.random::<f32>(), rng.random::<f32>());
-            reflect(&mut w, n);
+            reflect(&mut w, &mut sum, n);
         }
         (Scattered { dir: w, outside: true, order }, sum)
     }
@@ -71,6 +74,52 @@ pub enum Wall {
     Dielectric(RoughDielectric),
     /// Light is reflected or absorbed.
     Opaque(RoughConductor),
+}
+
+impl Wall {
+    /// Scatters a ray that propagates along `dir` (local frame, z along the normal, which points outside),
+    /// and returns the length that reflections of an opaque wall stand for [um], 0 of others.
+    #[inline(always)]
+    pub(crate) fn scatter<R: Rng>(&self, dir: Vector3<f32>, outside: bool, rng: &mut R) -> (Scattered, f32) {
+        match self {
+            Wall::Dielectric(wall) => (wall.scatter(dir, outside, rng), 0.0),
+            Wall::Opaque(wall) => wall.scatter(dir, rng),
+        }
+    }
+
+    /// The same; `seen` is told, an event at a time, of the density [1/sr] with which the ray leaves to the
+    /// outside in direction `wo`, and of the length that reflections on that way stand for [um].
+    pub(crate) fn scatter_toward<R: Rng>(
+        &self,
+        dir: Vector3<f32>,
+        outside: bool,
+        rng: &mut R,
+        wo: Vector3<f32>,
+        mut seen: impl FnMut(f32, f32),
+    ) -> (Scattered, f32) {
+        match self {
+            Wall::Dielectric(wall) => (wall.walk(dir, outside, rng, |at| seen(wall.toward(at, wo), 0.0)), 0.0),
+            Wall::Opaque(wall) => {
+                let micro = RoughDielectric { eta: 1.0, alpha: wall.alpha };
+                let length_um = |cos: f32| wall.reflections.length_um(cos);
+                wall.walk(dir, rng, length_um, |w, c, before_um| {
+                    if wo.z > 1e-4
+                        && let Some((density, cos)) = micro.mirrored(w, c, wo)
+                    {
+                        seen(density, before_um + length_um(cos));
+                    }
+                })
+            }
+        }
+    }
+
+    /// Whether no part of it is a mirror.
+    pub(crate) fn is_rough(&self) -> bool {
+        match self {
+            Wall::Dielectric(wall) => wall.alpha > 0.0,
+            Wall::Opaque(wall) => wall.alpha > 0.0,
+        }
+    }
 }
 
 /// One kind of fibers, as rays see it.
@@ -206,7 +255,7 @@ mod tests {
                 let (mut by_length, mut by_facet) = (0.0, 0.0);
                 for _ in 0..n {
                     by_length += (-sigma * f64::from(wall.scatter(dir, &mut rng).1)).exp() / f64::from(n);
-                    let (_, log) = wall.walk(dir, &mut rng, |cos| conductor(cos, index).ln());
+                    let (_, log) = wall.walk(dir, &mut rng, |cos| conductor(cos, index).ln(), |_, _, _| ());
                     by_facet += f64::from(log).exp() / f64::from(n);
                 }
                 let off: f64 = by_length - by_facet;

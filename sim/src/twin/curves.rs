@@ -274,7 +274,8 @@ impl TwinCurves {
                 }
                 let count = yarns.len() as u32;
                 let number = *yarns.entry((curve.yarn, name)).or_insert(count);
-                loops.push(Loop { curve, kind: yarn.kind as usize, yarn: number, start: *start, periods });
+                let color = (0..2).fold(yarn.number, |n, k| n.wrapping_add(yarn.step[k].wrapping_mul(start[k])));
+                loops.push(Loop { curve, kind: yarn.kind as usize, yarn: number, color, start: *start, periods });
             }
         }
         // The tracer has the fibers of the first kind first.
@@ -340,7 +341,7 @@ impl TwinCurves {
         for (fiber, id) in section.fibers.iter().zip(0..) {
             let family = YarnSet::EACH[of.kind.min(1)];
             let (spec, second) = (of.kind as u32, fiber.second);
-            mesh.fibers.push(ThreadOfFiber { family, yarn: of.yarn, ply: number, spec, second });
+            mesh.fibers.push(ThreadOfFiber { family, yarn: of.yarn, number: of.color, ply: number, spec, second });
             for (outline, lumen) in std::iter::once((&fiber.outer, 0)).chain(fiber.lumen.as_ref().map(|l| (l, 1))) {
                 let ring = ring(fiber, outline, lumen == 1, turn, options);
                 let is_round = matches!(outline, Outline::Circle { .. });
@@ -413,8 +414,9 @@ impl TwinCurves {
 struct Loop<'a> {
     curve: &'a PlyCurve,
     kind: usize,
-    /// Number of its yarn in the domain.
+    /// Number of its yarn in the domain, and the one that its color is of.
     yarn: u32,
+    color: i32,
     /// Cell in which it starts, and periods of the curve after which it closes.
     start: [i32; 2],
     periods: usize,

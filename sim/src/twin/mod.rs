@@ -24,4 +24,4 @@ pub use domain::{Domain, PitchUsed};
 pub use job::{TwinJob, TwinSize, twin};
 pub use options::{TwinMesh, TwinOptions, direction, standard_views};
 pub use sweep::ThreadOfFiber;
-pub use tracer::ClothTracer;
+pub use tracer::{ClothTracer, LeftFibers, LightsOfFibers};

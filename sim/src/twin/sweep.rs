@@ -20,6 +20,8 @@ pub struct ThreadOfFiber {
     pub family: YarnSet,
     /// Number of its yarn in the domain.
     pub yarn: u32,
+    /// The yarn's number by which it has its color, as in the curves.
+    pub number: i32,
     /// Number of its ply among all of the domain.
     pub ply: u32,
     /// Index of its spec.

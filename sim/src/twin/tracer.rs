@@ -10,8 +10,9 @@ use super::domain::Domain;
 use super::options::TwinMesh;
 use super::sweep::{ClothMesh, ThreadOfFiber};
 use crate::error::SimError;
+use crate::rays::path::{PathEnd, walk_by};
 use crate::rays::surface::{FiberSurface, Surfaces};
-use crate::rays::tracer::{Hit, Medium, Trace};
+use crate::rays::tracer::{Hit, Medium, Trace, WALL_OFFSET_UM};
 use glam::Vec3A;
 use nalgebra::Vector3;
 use obvhs::BvhBuildParams;
@@ -21,10 +22,13 @@ use obvhs::cwbvh::builder::build_cwbvh;
 use obvhs::ray::{Ray, RayHit};
 use obvhs::triangle::Triangle;
 use plywave::cloth::YarnSet;
+use rand::Rng;
 use std::time::Duration;
 
 /// Largest number of re-entries before a ray counts as lost.
 const MAX_WRAPS: u32 = 10_000;
+/// Least |z| of the direction of light that is followed.
+const MIN_RISE: f32 = 1e-5;
 /// Length beyond a border within which a wall still counts [um], for rounding.
 const BEYOND_UM: f32 = 1e-3;
 
@@ -55,6 +59,30 @@ impl Walls {
     fn memory_bytes(&self) -> usize {
         size_of_val(self.bvh.nodes.as_slice()) + size_of_val(self.quads.as_slice()) + size_of_val(self.wall.as_slice())
     }
+}
+
+/// Light that has left the cloth.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LeftFibers {
+    /// A point of its last line beyond all fibers, from the point at which it came [um].
+    pub offset_um: [f32; 3],
+    /// Its unit direction.
+    pub w: [f32; 3],
+    /// Whether a rough wall scattered it last: lamps that [`LightsOfFibers::draw`] draws from are counted.
+    pub is_rough: bool,
+}
+
+/// Lamps for a path among fibers, and what it loses on its way.
+pub trait LightsOfFibers<R> {
+    /// The path has passed a length in a fiber that counts for absorption [um], or none.
+    fn passes(&mut self, thread: &ThreadOfFiber, inside_um: f32);
+
+    /// A direction to a lamp (unit), for a place given from the point at which the path came [um].
+    fn draw(&mut self, place_um: [f32; 3], rng: &mut R) -> Option<[f32; 3]>;
+
+    /// The path would leave to the lamp drawn last with this density [1/sr], by a point beyond all fibers,
+    /// and lose what a length in the fiber takes [um].
+    fn reached(&mut self, thread: &ThreadOfFiber, left_um: [f32; 3], density: f32, length_um: f32);
 }
 
 /// The walls of all fibers of a domain.
@@ -95,6 +123,19 @@ impl ClothTracer {
             low,
             high,
         })
+    }
+
+    /// Of the repeats of a cloth, or of as many as give each kind of yarn some of its own.
+    ///
+    /// # Errors
+    /// As [`ClothTracer::new`].
+    pub fn of_cloth(
+        cloth: &TwinCurves,
+        repeats: Option<[u32; 2]>,
+        mesh: &TwinMesh,
+        seed: u64,
+    ) -> Result<ClothTracer, SimError> {
+        ClothTracer::new(cloth, &cloth.domain(repeats, mesh), mesh, seed)
     }
 
     /// Number of triangles.
@@ -238,6 +279,83 @@ impl ClothTracer {
             }
         }
         best
+    }
+
+    /// Follows light that comes along the line through a point of the cloth's middle plane [um], counted as
+    /// the curves are, in unit direction `w`, until it has left the cloth; `None` if it is lost. `lights` is
+    /// told of what it meets.
+    pub fn follow<R: Rng>(
+        &self,
+        at_um: [f32; 2],
+        w: [f32; 3],
+        rng: &mut R,
+        lights: &mut impl LightsOfFibers<R>,
+    ) -> Option<LeftFibers> {
+        let [a, b] = self.size;
+        let from = self.folded(Vector3::new(at_um[0] - 0.5 * a, at_um[1] - 0.5 * b, 0.0));
+        let dir = Vector3::from(w);
+        // Where a line has the height of the uppermost or of the lowest fibers.
+        let beyond = |pos: Vector3<f32>, dir: Vector3<f32>, is_up: bool| {
+            let height = if is_up { self.high } else { self.low };
+            (dir.z.abs() > MIN_RISE).then(|| pos + dir * ((height - pos.z) / dir.z))
+        };
+        let lights = std::cell::RefCell::new(lights);
+        // What repeats have taken off the position.
+        let moved = std::cell::Cell::new(Vector3::<f32>::zeros());
+        let was_rough = std::cell::Cell::new(false);
+        let mut seen = Vec::new();
+        let end = walk_by(
+            |pos, dir, medium| self.trace(pos, dir, medium),
+            |fiber| self.surface(fiber),
+            beyond(from, dir, dir.z < 0.0)?,
+            dir,
+            rng,
+            |at, rng| {
+                let thread = self.thread(at.fiber);
+                let mut lights = lights.borrow_mut();
+                if at.inside_um > 0.0 {
+                    lights.passes(thread, at.inside_um);
+                }
+                was_rough.set(!at.lumen && at.wall.is_rough());
+                let place = at.pos + moved.get();
+                let light = was_rough.get().then(|| lights.draw((place - from).into(), rng)).flatten();
+                let light = light.map(Vector3::from).filter(|light| light.dot(&at.axes[2]) > 0.0);
+                let left = light.and_then(|light| beyond(place, light, light.z > 0.0));
+                let (Some(light), Some(left)) = (light, left) else {
+                    let (scattered, length_um) = at.wall.scatter(at.local, at.outside, rng);
+                    lights.passes(thread, length_um);
+                    return (scattered, length_um);
+                };
+                seen.clear();
+                let local = Vector3::from(at.axes.map(|axis| axis.dot(&light)));
+                let (scattered, length_um) =
+                    at.wall.scatter_toward(at.local, at.outside, rng, local, |density, length_um| {
+                        if density > 0.0 {
+                            seen.push((density, length_um));
+                        }
+                    });
+                let start = at.pos + at.axes[2] * WALL_OFFSET_UM;
+                if !seen.is_empty() && matches!(self.trace(start, light, Medium::Air), Trace::Escaped) {
+                    for (density, length_um) in &seen {
+                        lights.reached(thread, (left - from).into(), *density, *length_um);
+                    }
+                }
+                lights.passes(thread, length_um);
+                (scattered, length_um)
+            },
+            |_, _, pos| {
+                let folded = self.folded(*pos);
+                moved.set(moved.get() + *pos - folded);
+                *pos = folded;
+            },
+        );
+        let (pos, dir) = match end {
+            PathEnd::Miss => (from, dir),
+            PathEnd::Reflected { dir, pos, .. } | PathEnd::High { dir, pos, .. } => (pos + moved.get(), dir),
+            PathEnd::Killed => return None,
+        };
+        let offset = beyond(pos, dir, dir.z > 0.0)? - from;
+        Some(LeftFibers { offset_um: offset.into(), w: dir.into(), is_rough: was_rough.get() })
     }
 
     /// A position moved into the domain, for full precision.
