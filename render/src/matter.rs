@@ -22,8 +22,8 @@ use std::sync::atomic::AtomicBool;
 /// Where light that came to a sheet of matter leaves it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Leaves {
-    /// A point of its last line beyond the matter, from the point of the middle plane that it came to [um], in
-    /// the surface's frame.
+    /// A point of its last line beyond the matter, from the point of the middle plane that it came to [um],
+    /// in the surface's frame.
     pub offset_um: [f32; 3],
     /// Unit direction in which it goes on, in the same frame.
     pub w: [f32; 3],
@@ -45,16 +45,16 @@ pub struct Lamps<'a> {
 }
 
 impl Lamps<'_> {
-    /// A direction to a lamp, in the surface's frame, drawn for a place given from the point of the middle plane
-    /// that the light came to [um]; `None` where there is none.
+    /// A direction to a lamp, in the surface's frame, drawn for a place given from the point of the middle
+    /// plane that the light came to [um]; `None` where there is none.
     pub fn draw(&mut self, place_um: [f32; 3], rng: &mut Pcg64Mcg) -> Option<[f32; 3]> {
         let place = self.point.position + 1e-3 * self.point.frame.world(place_um);
         self.drawn = self.lamps.draw(place, self.lambda, rng);
         self.drawn.as_ref().map(|source| self.point.frame.local(source.direction))
     }
 
-    /// Adds light of the lamp drawn last, which is left to by a point beyond the matter [um] with this density
-    /// [1/sr] by wavelength.
+    /// Adds light of the lamp drawn last, which is left to by a point beyond the matter [um] with this
+    /// density [1/sr] by wavelength.
     pub fn add(&mut self, left_um: [f32; 3], density: [f32; WAVELENGTHS]) {
         let Some(source) = &self.drawn else { return };
         let left = self.point.position + 1e-3 * self.point.frame.world(left_um);
