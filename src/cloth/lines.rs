@@ -307,7 +307,7 @@ pub(super) fn visit<F: FnMut(LineHit) -> f32>(
     let per_rate = rate.map(|r| if r.abs() < 1e-12 { f32::INFINITY } else { 1.0 / r });
     // Way to the next border along each axis.
     let border = |voxel: [i32; 3], k: usize| {
-        let at = (voxel[k] + i32::from(step[k] > 0)) as f32;
+        let at = voxel[k].wrapping_add(i32::from(step[k] > 0)) as f32;
         if per_rate[k].is_finite() { (at - start[k]) * per_rate[k] } else { f32::INFINITY }
     };
     let (mut at, mut left, last) = (begin, 1.0, end);
@@ -333,8 +333,9 @@ pub(super) fn visit<F: FnMut(LineHit) -> f32>(
                     continue;
                 }
                 let mut hit = hit((piece, radius, reach), &found, l, w);
-                let [i, j] = [0, 1].map(|k| i32::from(block.cells[l][k]) + cell[k]);
-                hit.cells = [0, 1].map(|k| i * grid.steps[0][k] + j * grid.steps[1][k]);
+                let [i, j] = [0, 1].map(|k| cell[k].wrapping_add(block.cells[l][k].into()));
+                let along = |k: usize| i.wrapping_mul(grid.steps[0][k]).wrapping_add(j.wrapping_mul(grid.steps[1][k]));
+                hit.cells = [0, 1].map(along);
                 deepest = max(deepest, hit.nearest_um);
                 left *= each(hit);
             }
@@ -348,7 +349,8 @@ pub(super) fn visit<F: FnMut(LineHit) -> f32>(
             break;
         }
         let k = if next[2] < min(next[0], next[1]) { 2 } else { usize::from(next[1] < next[0]) };
-        voxel[k] += step[k];
+        // Lines from far away are in no cell that a number has.
+        voxel[k] = voxel[k].wrapping_add(step[k]);
         if k == 2 {
             if !(0..=top).contains(&voxel[2]) {
                 break;
@@ -357,7 +359,7 @@ pub(super) fn visit<F: FnMut(LineHit) -> f32>(
             here[k] += step[k];
             if here[k] < 0 || here[k] == grid.counts[k] {
                 here[k] -= step[k] * grid.counts[k];
-                cell[k] += step[k];
+                cell[k] = cell[k].wrapping_add(step[k]);
                 origin = corner(cell);
             }
         }

@@ -103,7 +103,7 @@ pub fn total_field(source: &Source, wave: &Wave, scattered: &Scattered) -> Resul
 pub fn azimuths(wave: &Wave, source: &Source, extent_um: f64, multiple: usize) -> usize {
     let reach = wave.k_rho() * (extent_um.max(source.beam.map_or(0.0, |b| b.h_um.abs() + 3.0 * b.w0_um)));
     let harmonics = reach + 6.0 * reach.cbrt() + 10.0;
-    ((4.0 * harmonics) as usize / multiple.max(1) + 1) * multiple.max(1)
+    ((4.0 * harmonics) as usize / multiple.max(1)).saturating_add(1).saturating_mul(multiple.max(1))
 }
 
 fn plane() -> WaveError {
