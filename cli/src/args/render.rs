@@ -104,7 +104,7 @@ pub struct RenderArgs {
     #[arg(long, value_name = "SIGMA", allow_negative_numbers = true)]
     pub sigma: Option<f64>,
     /// Trace the fibers of the cloth themselves instead of its model, for comparison: by rays, without
-    /// diffraction and speckle. It takes a hundred times as long.
+    /// diffraction and speckle. It takes much longer.
     #[arg(long, conflicts_with_all = ["straight_gaps", "slit_um", "without"])]
     pub fibers: bool,
     /// Make the scene's lamps this many times as wide, for the same light on the cloth.

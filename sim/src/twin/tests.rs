@@ -3,7 +3,8 @@
 use super::curves::TwinCurves;
 use super::job::TwinJob;
 use super::options::{TwinMesh, TwinOptions};
-use super::tracer::ClothTracer;
+use super::sweep::ThreadOfFiber;
+use super::tracer::{ClothTracer, LightsOfFibers};
 use crate::error::SimError;
 use crate::geometry::section::PlySection;
 use crate::rays::dielectric::RoughDielectric;
@@ -109,6 +110,52 @@ fn a_lone_ply_scatters_as_in_its_own_simulation() {
                 "theta {theta}, {name}: twin {a:.5}, ply {b:.5}, tolerance {tolerance:.5}"
             );
         }
+    }
+}
+
+/// A lamp all round a path, drawn from evenly.
+#[derive(Default)]
+struct AllRound {
+    light: f64,
+}
+
+impl LightsOfFibers<Pcg64Mcg> for AllRound {
+    fn passes(&mut self, _: &ThreadOfFiber, _: f32) {}
+
+    fn draw(&mut self, _: [f32; 3], rng: &mut Pcg64Mcg) -> Option<[f32; 3]> {
+        let (z, turn) = (2.0 * rng.random::<f32>() - 1.0, std::f32::consts::TAU * rng.random::<f32>());
+        let across = (1.0 - z * z).sqrt();
+        Some([across * turn.cos(), across * turn.sin(), z])
+    }
+
+    fn reached(&mut self, _: &ThreadOfFiber, _: [f32; 3], density: f32, _: f32) {
+        self.light += f64::from(density) * 4.0 * std::f64::consts::PI;
+    }
+}
+
+/// What paths are said to send to a lamp all round is the share of them that walls send out.
+#[test]
+fn drawn_light_is_that_of_paths() {
+    let cloth = lone_ply();
+    let tracer = ClothTracer::of_cloth(&cloth, Some([1, 1]), &TwinMesh::default(), 7).unwrap();
+    let mut rng = Pcg64Mcg::seed_from_u64(9);
+    let [a, b] = tracer.size_um();
+    for w in [[0.0f32, 0.0, -1.0], [0.6, 0.48, 0.64]] {
+        let paths = 40_000;
+        let (mut left, mut light, mut squares) = (0.0, 0.0, 0.0);
+        for _ in 0..paths {
+            let at = [0.5 * a + 160.0 * (rng.random::<f32>() - 0.5), b * rng.random::<f32>()];
+            let mut lamp = AllRound::default();
+            let end = tracer.follow(at, w, &mut rng, &mut lamp);
+            left += f64::from(end.is_some_and(|end| end.is_rough) as u8);
+            light += lamp.light;
+            squares += lamp.light * lamp.light;
+        }
+        let n = f64::from(paths);
+        let se = ((squares / n - (light / n).powi(2)) / n).sqrt();
+        let [left, light] = [left / n, light / n];
+        assert!(left > 0.1 && se < 0.05, "{left} {se}");
+        assert!((light - left).abs() < 4.0 * se + 0.005, "{w:?}: {light}, walls sent out {left}, se {se}");
     }
 }
 

@@ -23,6 +23,7 @@ use obvhs::ray::{Ray, RayHit};
 use obvhs::triangle::Triangle;
 use plywave::cloth::YarnSet;
 use rand::Rng;
+use std::cell::Cell;
 use std::time::Duration;
 
 /// Largest number of re-entries before a ray counts as lost.
@@ -299,10 +300,9 @@ impl ClothTracer {
             let height = if is_up { self.high } else { self.low };
             (dir.z.abs() > MIN_RISE).then(|| pos + dir * ((height - pos.z) / dir.z))
         };
-        let lights = std::cell::RefCell::new(lights);
-        // What repeats have taken off the position.
-        let moved = std::cell::Cell::new(Vector3::<f32>::zeros());
-        let was_rough = std::cell::Cell::new(false);
+        // What repeats have taken off the position; both closures below use it.
+        let moved = Cell::new(Vector3::<f32>::zeros());
+        let mut was_rough = false;
         let mut seen = Vec::new();
         let end = walk_by(
             |pos, dir, medium| self.trace(pos, dir, medium),
@@ -312,13 +312,12 @@ impl ClothTracer {
             rng,
             |at, rng| {
                 let thread = self.thread(at.fiber);
-                let mut lights = lights.borrow_mut();
                 if at.inside_um > 0.0 {
                     lights.passes(thread, at.inside_um);
                 }
-                was_rough.set(!at.lumen && at.wall.is_rough());
+                was_rough = !at.lumen && at.wall.is_rough();
                 let place = at.pos + moved.get();
-                let light = was_rough.get().then(|| lights.draw((place - from).into(), rng)).flatten();
+                let light = was_rough.then(|| lights.draw((place - from).into(), rng)).flatten();
                 let light = light.map(Vector3::from).filter(|light| light.dot(&at.axes[2]) > 0.0);
                 let left = light.and_then(|light| beyond(place, light, light.z > 0.0));
                 let (Some(light), Some(left)) = (light, left) else {
@@ -355,7 +354,7 @@ impl ClothTracer {
             PathEnd::Killed => return None,
         };
         let offset = beyond(pos, dir, dir.z > 0.0)? - from;
-        Some(LeftFibers { offset_um: offset.into(), w: dir.into(), is_rough: was_rough.get() })
+        Some(LeftFibers { offset_um: offset.into(), w: dir.into(), is_rough: was_rough })
     }
 
     /// A position moved into the domain, for full precision.
