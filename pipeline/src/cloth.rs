@@ -17,7 +17,7 @@ const MAX_SPEC_BYTES: u64 = 1 << 20;
 const MAX_BYTES: u64 = 256 << 20;
 
 /// How cloths are made, raised by each change of that: those of another number are not found in the cache.
-const MAKING: u32 = 2;
+const MAKING: u32 = 3;
 
 /// A cloth spec and the folder of the files that it names.
 #[derive(Clone, Debug, PartialEq)]

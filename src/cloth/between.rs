@@ -113,8 +113,8 @@ pub fn few(t: &Poly) -> Few {
     [t[0], t[1], t[2], t[3], t[4], t[5], t[8], t[9]]
 }
 
-#[inline]
 /// Scalar product.
+#[inline]
 pub fn dot<const T: usize>(a: &[f32; T], b: &[f32; T]) -> f32 {
     // Lanes apart: the compiler keeps the order of sums.
     let mut sums = [0.0; 4];

@@ -1,5 +1,6 @@
 //! All that shading needs of a cloth, found by lines and paths through it.
 
+mod between;
 mod follow;
 mod paths;
 mod regression;
@@ -48,7 +49,7 @@ pub fn make_ready(
     let plies = ClothPlies::new(curves, &models)?;
     let shadows = shadows::shadows(&plies, told)?;
     let paths = follow::ClothPaths { plies: &plies, shadows: &shadows };
-    let between = paths::light_between(&paths, told)?;
+    let between = between::light_between(&paths, told)?;
     let mut data = ClothData {
         spec_text: spec_text.into(),
         name: name.into(),

@@ -1,5 +1,10 @@
 //! Regression of several functions on the same terms, in least squares.
 
+use nalgebra::{Cholesky, DMatrix};
+
+/// In place of a pivot that rounding makes 0 or less.
+const MIN_PIVOT: f64 = 1e-30;
+
 /// Sums of a regression on T terms.
 pub(super) struct Sums<const T: usize> {
     normal: [[f64; T]; T],
@@ -38,29 +43,19 @@ impl<const T: usize> Sums<T> {
         }
     }
 
-    /// Coefficients, by Cholesky's factorization.
+    /// Coefficients of each output.
     pub fn solve(&self) -> Vec<[f32; T]> {
-        let mut l = self.normal;
         let ridge = 1e-6 * self.normal[0][0].max(1e-30);
-        for i in 0..T {
-            l[i][i] += ridge;
-        }
-        for i in 0..T {
-            for j in 0..=i {
-                let sum = l[i][j] - (0..j).map(|k| l[i][k] * l[j][k]).sum::<f64>();
-                l[i][j] = if i == j { sum.max(1e-30).sqrt() } else { sum / l[j][j] };
-            }
-        }
-        let solved = |right: &[f64; T]| {
-            let mut x = *right;
-            for i in 0..T {
-                x[i] = (x[i] - (0..i).map(|k| l[i][k] * x[k]).sum::<f64>()) / l[i][i];
-            }
-            for i in (0..T).rev() {
-                x[i] = (x[i] - (i + 1..T).map(|k| l[k][i] * x[k]).sum::<f64>()) / l[i][i];
-            }
-            x.map(|v| v as f32)
-        };
-        self.right.iter().map(solved).collect()
+        let lower = DMatrix::from_fn(T, T, |i, j| self.normal[i.max(j)][i.min(j)]);
+        let right = DMatrix::from_fn(T, self.right.len(), |i, output| self.right[output][i]);
+        let solved = solve(lower, ridge, right);
+        (0..self.right.len()).map(|output| std::array::from_fn(|i| solved[(i, output)] as f32)).collect()
     }
+}
+
+/// Solves `(normal + ridge) x = right` for each column; `normal` has no negative eigenvalues but by rounding.
+pub(super) fn solve(mut normal: DMatrix<f64>, ridge: f64, right: DMatrix<f64>) -> DMatrix<f64> {
+    (0..normal.nrows()).for_each(|i| normal[(i, i)] += ridge);
+    // With a substitute for pivots there always is a factorization.
+    Cholesky::new_with_substitute(normal, MIN_PIVOT).map_or_else(|| right.map(|_| 0.0), |factor| factor.solve(&right))
 }

@@ -1,5 +1,7 @@
 //! Functions of a direction of the half sphere, in the cloth's splines, by least squares of samples.
 
+use super::regression::solve;
+use nalgebra::DMatrix;
 use plywave::cloth::making::{SPLINES as COUNT, SeveralSplines as Several, SplinesAt as At};
 
 /// Weight of the mean, of a coefficient that a few samples bear upon.
@@ -50,59 +52,15 @@ impl<const F: usize> Sums<F> {
 
     /// The functions; where there are few samples, their means.
     pub fn solve(&self) -> Vec<Coefficients> {
-        let mut normal = self.normal.clone();
-        for i in 0..COUNT {
-            for j in 0..i {
-                normal[j * COUNT + i] = normal[i * COUNT + j];
-            }
-        }
-        let rows: Vec<f64> = normal.chunks_exact(COUNT).map(|row| row.iter().sum()).collect();
-        let count: f64 = normal.iter().sum();
-        let mut matrix = cholesky::Lower::new(&normal, RIDGE);
-        matrix.factor();
-        let solved = |function: usize| {
-            let mut x: [f64; COUNT] = std::array::from_fn(|i| self.right[i][function]);
-            let mean = if count > 0.0 { x.iter().sum::<f64>() / count } else { 0.0 };
-            x.iter_mut().zip(&rows).for_each(|(x, row)| *x -= mean * row);
-            matrix.solve(&mut x);
-            x.map(|v| (v + mean) as f32)
-        };
-        (0..F).map(solved).collect()
-    }
-}
-
-/// Cholesky's factorization.
-mod cholesky {
-    use super::COUNT;
-
-    pub(super) struct Lower(Vec<f64>);
-
-    impl Lower {
-        pub fn new(normal: &[f64], ridge: f64) -> Lower {
-            let mut l = normal.to_vec();
-            (0..COUNT).for_each(|i| l[i * COUNT + i] += ridge);
-            Lower(l)
-        }
-
-        pub fn factor(&mut self) {
-            let l = &mut self.0;
-            for i in 0..COUNT {
-                for j in 0..=i {
-                    let sum = l[i * COUNT + j] - (0..j).map(|k| l[i * COUNT + k] * l[j * COUNT + k]).sum::<f64>();
-                    l[i * COUNT + j] = if i == j { sum.max(1e-30).sqrt() } else { sum / l[j * COUNT + j] };
-                }
-            }
-        }
-
-        pub fn solve(&self, x: &mut [f64; COUNT]) {
-            let l = &self.0;
-            for i in 0..COUNT {
-                x[i] = (x[i] - (0..i).map(|k| l[i * COUNT + k] * x[k]).sum::<f64>()) / l[i * COUNT + i];
-            }
-            for i in (0..COUNT).rev() {
-                x[i] = (x[i] - (i + 1..COUNT).map(|k| l[k * COUNT + i] * x[k]).sum::<f64>()) / l[i * COUNT + i];
-            }
-        }
+        let normal = DMatrix::from_fn(COUNT, COUNT, |i, j| self.normal[i.max(j) * COUNT + i.min(j)]);
+        let (rows, count) = (normal.column_sum(), normal.sum());
+        // Less the mean, which the ridge then leaves alone.
+        let mut right = DMatrix::from_fn(COUNT, F, |i, function| self.right[i][function]);
+        let means: Vec<f64> = right.column_iter().map(|of| if count > 0.0 { of.sum() / count } else { 0.0 }).collect();
+        right.column_iter_mut().zip(&means).for_each(|(mut of, mean)| of.axpy(-mean, &rows, 1.0));
+        let solved = solve(normal, RIDGE, right);
+        let function = |f: usize| std::array::from_fn(|i| (solved[(i, f)] + means[f]) as f32);
+        (0..F).map(function).collect()
     }
 }
 
