@@ -18,6 +18,8 @@ use multiversion::{multiversion, target::target_cfg_f};
 pub const MAX_HITS: usize = 24;
 /// Voxels that a line walks through at most: what grazes for longer counts as gone.
 const MAX_STEPS: usize = 4096;
+/// Least squared derivative of a curve that has a tangent [um^2].
+const MIN_SPEED2_UM2: f32 = 1e-12;
 /// Squared sine of a line's angle to a curve below which its way in the ply counts as no longer: by then
 /// the curve has bent away.
 const MIN_SINE2: f32 = 0.01;
@@ -379,6 +381,8 @@ fn hit((piece, radius, reach): (&Piece, f32, f32), near: &Found, l: usize, w: [f
     let nearest = dot(p, w);
     let off: [f32; 3] = std::array::from_fn(|k| p[k] - nearest * w[k]);
     let h2 = min(dot(off, off), reach * reach);
+    // A curve of no length, or one that turns back, has no tangent there: any will do.
+    let d = if dot(d, d) > MIN_SPEED2_UM2 { d } else { [1.0, 0.0, 0.0] };
     let speed2 = dot(d, d);
     let per = 1.0 / speed2.sqrt();
     let tangent = d.map(|d| d * per);
@@ -554,5 +558,28 @@ mod tests {
                 assert!(hits.as_slice().len() <= MAX_HITS);
             }
         }
+    }
+
+    /// A curve of no length over some of its spans, and one that turns back, are hit in unit tangents.
+    #[test]
+    fn a_curve_without_a_tangent_gets_one() {
+        let mut cloth = cloth();
+        let control = &mut cloth.curves[0].control_um;
+        let there = control[0];
+        control[..6].fill(there);
+        let back = control[9];
+        control[11] = back;
+        let (lines, mut hits, mut met) = (ClothLines::new(&cloth).unwrap(), LineHits::default(), 0);
+        for k in 0..4000 {
+            let part = |a: f64| (0.618 * a * f64::from(k)).fract() as f32 - 0.5;
+            let from = [there[0] as f32 + 40.0 * part(1.0), there[1] as f32 + 40.0 * part(1.7), 500.0];
+            lines.hits(from, [0.0, 0.0, -1.0], &mut hits);
+            for hit in hits.as_slice() {
+                met += usize::from(hit.tangent == [1.0, 0.0, 0.0]);
+                let length2 = dot(hit.tangent, hit.tangent);
+                assert!((length2 - 1.0).abs() < 1e-4 && hit.theta_i.is_finite(), "{hit:?}");
+            }
+        }
+        assert!(met > 10, "{met}");
     }
 }

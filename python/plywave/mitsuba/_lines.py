@@ -17,6 +17,7 @@ HITS = 12
 FACES, FACES_IN_FULL = 0.5, 0.2
 # src/cloth/lines.rs, nearest.rs
 SLACK, BEYOND2, ACROSS, AWAY, MIN_SINE2, MIN_LEFT, BEYOND = 0.25, 0.16, 0.5, 0.05, 0.01, 3e-4, 3.0
+MIN_SPEED2_UM2 = 1e-12
 MAX_ENTRIES, ROUNDS, MARGIN_UM = 1 << 15, 8, 1.0
 #: Added to numbers of cells, which may be negative.
 BIAS = 1 << 15
@@ -277,6 +278,8 @@ class Lines:
                 place, inside, way, h2, first, p, radius = self.refined(piece, shift, start, d, u, grid.beside)
                 if light:
                     inside = kit.both(inside, way <= stop)
+                has_tangent = dot3(first, first) > MIN_SPEED2_UM2
+                first = [dr.select(has_tangent, first[k], 1.0 if k == 0 else 0.0) for k in range(3)]
                 per = dr.rsqrt(dot3(first, first))
                 tangent = [x * per for x in first]
                 off = [p[k] - way * d[k] for k in range(3)]
