@@ -48,7 +48,11 @@ fn number(node: Node<'_, '_>, name: &str) -> f64 {
 /// Reads a file; what is wrong with it otherwise, in words. Of several textiles the first counts.
 pub(super) fn read(text: &str) -> Result<Tg3, String> {
     let options = ParsingOptions { nodes_limit: 1 << 24, ..ParsingOptions::default() };
-    let document = Document::parse_with_options(text, options).map_err(|e| format!("it is not XML: {e}"))?;
+    let document = Document::parse_with_options(text, options).map_err(|e| {
+        // It quotes the text.
+        let what = plywave::one_line(&e.to_string(), 160);
+        format!("it is not XML: {what}")
+    })?;
     let textile = document.descendants().find(|node| node.has_tag_name("Textile"));
     let textile = textile.ok_or("it has no Textile")?;
     let mut yarns = Vec::new();
@@ -163,6 +167,7 @@ mod tests {
         for (from, to, want) in [
             ("</Yarn>", "", "not XML"),
             ("<Textile", "<Cloth", "not XML"),
+            ("</Yarn>", "</Yarn\n=>", "not XML"),
             ("Position=\"0.25", "Position=\"nan", "not three numbers"),
             ("Position=\"0.25, ", "Position=\"", "not three numbers"),
             ("Repeat value", "Repeat other", "value of a Repeat"),
