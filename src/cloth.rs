@@ -29,6 +29,7 @@ mod shadow;
 mod spec;
 mod splines;
 mod tensors;
+mod uneven;
 mod units;
 mod uv;
 mod weave;

@@ -166,6 +166,7 @@ class ClothTables:
         shadowing: bool = True,
         edges: bool = True,
         slits: bool = True,
+        uneven: bool = True,
         speckle: bool = False,
         far: bool = False,
     ) -> ClothTables: ...

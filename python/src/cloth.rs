@@ -26,6 +26,7 @@ pub(crate) struct ClothArgs {
     shadowing: bool,
     edges: bool,
     slits: Option<(f32, f32)>,
+    uneven: bool,
     far: bool,
 }
 
@@ -51,6 +52,7 @@ impl ClothArgs {
             shadowing: self.shadowing,
             edges: self.edges,
             slits: self.slits.map(|(width_um, share)| Slits { width_um, share }),
+            uneven: self.uneven,
             far: self.far,
         })
     }

@@ -23,7 +23,7 @@ from test_mitsuba import arrays, close, cones, directions, hold_density, hold_we
 
 QUERIES = 100_000
 #: A knit of one kind of yarns; a thin plain weave of two; a basket of twisted plies; a plain weave of a warp
-#: of cones in three colors, with speckle, and a weft with slits.
+#: of cones in three colors, uneven and with speckle, and a weft with slits.
 NAMES = ("jersey", "organza", "hopsack", "mixed")
 #: A place of the organza in a gap, and one on a ply [um].
 GAP, PLACE = (0.0, 0.0), (60.0, 33.0)
@@ -44,7 +44,8 @@ def file(woven):
         yarn = {"density_g_per_cm3": 1.38, "packing": 0.65, "stiffness": 4.0}
         stripes = [{"count": count, "srgb": srgb} for count, srgb in ((2, [0.6, 0.1, 0.1]), (1, [0.1, 0.2, 0.6]), (2, [0.8, 0.8, 0.7]))]
         # Counts of plies as wide as the models'.
-        warp = {**yarn, "model": cones(0.0), "count": {"dtex": 70.45}, "ends_per_cm": 60, "stripes": stripes}
+        uneven = {"count_cv": 0.2, "spacing_cv": 0.05, "uneven_mm": 0.5}
+        warp = {**yarn, **uneven, "model": cones(0.0), "count": {"dtex": 70.45}, "ends_per_cm": 60, "stripes": stripes}
         weft = {**yarn, "model": str(FABRICS / "models" / "cotton.pwm"), "count": {"dtex": 62.25}, "picks_per_cm": 60, "srgb": [0.5, 0.5, 0.3], "slit_um": 1.5}
         return woven(name, {"name": name, "weave": {"kind": "plain"}, "warp": warp, "weft": weft})
 

@@ -18,6 +18,7 @@ use super::plies::{ClothPlies, class, frame, passes, start};
 use super::query::{ClothOptions, ClothQuery, GapLight, Slits, in_pattern};
 use super::shade::{ClothShade, ClothShadows};
 use super::shadow::Toward;
+use super::uneven::Uneven;
 use super::yarn_colors::Dyes;
 use super::{Channels, ClothData, ClothSpec, ColorOf, YarnColor};
 use crate::color::AlbedoCurve;
@@ -58,6 +59,7 @@ pub struct ClothModel {
     pub(super) gaps: Option<Arc<ClothGaps>>,
     /// The mean over the cell.
     pub(super) far: Option<Arc<Far>>,
+    pub(super) uneven: Arc<Uneven>,
 }
 
 impl ClothModel {
@@ -116,6 +118,10 @@ impl ClothModel {
             }
         };
         let slits = [slit(0)?, slit(1)?];
+        let uneven = match options.uneven {
+            true => Uneven::new(&spec, &data.curves, &plies.lattice)?,
+            false => Uneven::default(),
+        };
         let metals = [own_color(&plies.models[0])?, own_color(&plies.models[kind(1)])?];
         let cloth = ClothModel {
             dyes: Dyes::new(&colors, &metals, &curve),
@@ -130,6 +136,7 @@ impl ClothModel {
             between: data.between,
             slits,
             gaps,
+            uneven: Arc::new(uneven),
             far: data.far.filter(|_| options.far).map(|far| Arc::new(Far::new(FarData { runs, ..far }))),
         };
         Ok(match spec.color_of {
@@ -173,8 +180,8 @@ impl ClothModel {
         self.plies.kinds
     }
 
-    /// The ply model of a kind of yarn, [in single lines](PlyModel::of_lines); `None` for a kind that it does
-    /// not have.
+    /// The ply model of a kind of yarn, [in single lines](PlyModel::of_lines); `None` for a kind that it
+    /// does not have.
     pub fn model_of(&self, kind: usize) -> Option<&PlyModel> {
         self.plies.models.get(kind).map(Arc::as_ref)
     }
@@ -183,6 +190,12 @@ impl ClothModel {
     /// for it.
     pub fn has_far(&self) -> bool {
         self.far.is_some()
+    }
+
+    /// The place of the even cloth that shows at a point of its plane [um]: the point itself, but for yarns
+    /// that the spec has as uneven.
+    pub fn even_place(&self, at_um: [f32; 2]) -> [f32; 2] {
+        self.uneven.place(at_um)
     }
 
     /// The plies that lines hit.
@@ -223,7 +236,8 @@ impl ClothModel {
             return self.curve.clone();
         }
         let (gaps, slits) = (None, [None; 2]);
-        let rays = ClothModel { options: ClothOptions::RAYS, far: None, gaps, slits, ..self.clone() };
+        let uneven = Arc::default();
+        let rays = ClothModel { options: ClothOptions::RAYS, far: None, gaps, slits, uneven, ..self.clone() };
         color_of::curve(&rays, of)
     }
 
@@ -271,7 +285,7 @@ impl ClothModel {
         if at.is_far(self.far_at(query, wo)) {
             return;
         }
-        let (at_um, cell) = self.in_cell(at_um);
+        let (at_um, cell) = self.in_cell(self.uneven.place(at_um));
         let d = wo.map(|v| -v);
         let mut hits = LineHits::default();
         let passes = |hit: &LineHit| {

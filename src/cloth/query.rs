@@ -51,6 +51,8 @@ pub struct ClothOptions {
     /// Slits between the fibers of all yarns, in place of those of the spec. They diffract light
     /// where a line hits yarns of one kind, of points alone: the mean over the cell does without.
     pub slits: Option<Slits>,
+    /// Yarns are as uneven as the spec has them. Without, every repeat is as the next.
+    pub uneven: bool,
     /// Queries with a footprint ([`ClothQuery::footprint_um`]) get the mean over the cell, if the cloth file
     /// has it. Without, footprints count as points.
     pub far: bool,
@@ -66,14 +68,20 @@ impl ClothOptions {
         shadowing: true,
         edges: true,
         slits: None,
+        uneven: true,
         far: false,
     };
 }
 
 impl ClothOptions {
-    /// Without diffraction, as ray optics has it: what a twin of explicit fibers traces.
-    pub const RAYS: ClothOptions =
-        ClothOptions { gaps: GapLight::Straight, edges: false, slits: Some(Slits::NONE), ..ClothOptions::SMOOTH };
+    /// Even and without diffraction, as ray optics has it: what a twin of explicit fibers traces.
+    pub const RAYS: ClothOptions = ClothOptions {
+        gaps: GapLight::Straight,
+        edges: false,
+        slits: Some(Slits::NONE),
+        uneven: false,
+        ..ClothOptions::SMOOTH
+    };
 
     /// The slits of a yarn: these, or else its own; `None` where no light goes through any.
     pub fn slits_or(&self, own: Option<Slits>) -> Option<Slits> {

@@ -52,6 +52,9 @@ const YARN: &[Key] = &[
     optional("crimp_percent", Kind::Number(0.0, 200.0), "by tension"),
     optional("stiffness", Kind::Number(0.0, 100.0), "0.5"),
     optional("cohesion", Kind::Number(0.0, 100.0), "0.02"),
+    optional("count_cv", Kind::Number(0.0, 0.5), "even"),
+    optional("spacing_cv", Kind::Number(0.0, 0.15), "even"),
+    optional("uneven_mm", Kind::Number(0.1, 1e4), "10 where uneven"),
     optional("srgb", Kind::Srgb, "clear fibers"),
     optional("stripes", Kind::Custom(STRIPES), "one color"),
     optional("sigma_per_um", Kind::Number(0.0, 10.0), "srgb"),
@@ -205,6 +208,10 @@ fn check_yarn(file: &str, name: &str, yarn: &YarnOfCloth, is_wif: bool) -> Resul
     if let (Some(share), None) = (yarn.slit_share, yarn.slit_um) {
         let hint = "give slit_um, the width of the slits, too, or leave this key out";
         return Err(invalid(file, &key("slit_share"), share, hint));
+    }
+    if let (Some(mm), None, None) = (yarn.uneven_mm, yarn.count_cv, yarn.spacing_cv) {
+        let hint = "give count_cv or spacing_cv, what changes over this length, or leave this key out";
+        return Err(invalid(file, &key("uneven_mm"), mm, hint));
     }
     let density = match name {
         "warp" => Some(("ends_per_cm", yarn.ends_per_cm, "picks_per_cm", yarn.picks_per_cm)),

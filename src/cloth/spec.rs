@@ -139,6 +139,15 @@ pub struct YarnOfCloth {
     /// inwards, over its tension over the yarn's radius.
     #[serde(default = "usual_cohesion")]
     pub cohesion: f64,
+    /// Coefficient of variation of its count along it; absent: it is even.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub count_cv: Option<f64>,
+    /// Standard deviation of the places of its yarns over their distance; absent: they are even.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub spacing_cv: Option<f64>,
+    /// Length over which both change [mm]; absent: 10.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub uneven_mm: Option<f64>,
     /// Color of the yarn [sRGB, 0 to 1].
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub srgb: Option<[f64; 3]>,

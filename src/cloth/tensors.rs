@@ -10,6 +10,7 @@
 //! | `cell_um` | `[2][2]` | vectors of the cell, the shortest ones of its lattice |
 //! | `scalars` | `[4]` | height above which there is no ply, greatest radius, length of a ply with one speckle pattern, L of `curve` |
 //! | `options` | `[4]` | speckle, layers, shadowing, edges |
+//! | `uneven`, `uneven_seed` | `[n][7]`, `[n]` | of each uneven kind of yarn: the unit vector across it, distance of two yarns, place of one, length over which it changes, deviations of width and of place (`src/cloth/uneven.rs`), seed |
 //! | `gap` | `[3]` | of diffracted light: height above which no line comes near a ply, step of the edges of `apertures`, reach of the beam |
 //! | `gap_counts`, `gap_voxel`, `gap_entry` | | as `counts`, `voxel` and `entry`, of lines that come within the beam's reach of a ply |
 //! | `apertures` | `[33][33][74]` | spectra by the distances of their two edges: the factor's eight numbers, g, 65 masses. A point's aperture has the factor of its own edges, and is sampled by the row nearest to them (`src/gap/apertures.rs`) |
@@ -47,6 +48,7 @@ use super::lines::LineTables;
 use super::plies::ClothPlies;
 use super::shadow::{COLUMNS, LANES, ROWS};
 use super::splines::{COUNT, Several};
+use super::uneven::UnevenKind;
 use crate::PlyModel;
 use crate::color::SPECTRUM_NODES;
 use crate::gap::{EDGES, SPECTRUM_CELLS, Slit, Spectrum};
@@ -94,6 +96,9 @@ impl ClothModel {
         f32s("scalars", &[4], scalars.to_vec());
         let o = &self.options;
         f32s("options", &[4], [o.noise, o.layers, o.shadowing, o.edges].map(|on| f32::from(u8::from(on))).to_vec());
+        let uneven = &self.uneven.kinds;
+        let numbers = uneven.iter().flat_map(UnevenKind::numbers).collect();
+        f32s("uneven", &[uneven.len(), 7], numbers);
         let kinds = self.plies.kinds;
         let (dyes, of_yarns, means) = self.dyes.tables();
         let dyes: Vec<_> = dyes.iter().map(|dye| dye.numbers()).collect();
@@ -122,6 +127,7 @@ impl ClothModel {
         for (name, dyes) in ["dyes_0", "dyes_1"].into_iter().zip(of_yarns).take(kinds) {
             add(name, &[dyes.len()], Values::U32(dyes.clone()));
         }
+        add("uneven_seed", &[uneven.len()], Values::U32(uneven.iter().map(|kind| kind.seed).collect()));
         add("dye_mean", &[kinds], Values::U32(means[..kinds].to_vec()));
         let (shares, numbers) = slit_numbers(&self.slits);
         add("slit_share", &[2], Values::F32(shares));

@@ -105,9 +105,9 @@ fn refusals_name_key_value_and_mend() {
     assert!(message.contains("1 to 4096; the first has 4097"), "{message}");
 }
 
-/// Colors, stripes and slits contradict each other.
+/// Keys of colors, slits and unevenness that contradict each other, or are out of range.
 #[test]
-fn colors_and_slits_are_held_together() {
+fn colors_slits_and_unevenness_are_held_together() {
     let spec = |warp: &str| crate::small_cloth::spec([warp, ""]);
     for (warp, expected) in [
         ("srgb = [0.5, 0.06]", "warp.srgb = [0.5, 0.06]: use three numbers"),
@@ -118,6 +118,9 @@ fn colors_and_slits_are_held_together() {
         ("stripes = [{ count = 1, srgb = [1, 0, 2] }]", "use stripes such as"),
         ("stripes = [{ count = 1, srgb = [1, 0, 0] }]\nsigma_per_um = 0.1", "warp.stripes = 1 stripes: give either"),
         ("slit_share = 0.2", "warp.slit_share = 0.2: give slit_um"),
+        ("uneven_mm = 5.0", "warp.uneven_mm = 5"),
+        ("count_cv = 0.9", "warp.count_cv = 0.9: use a number from 0 to 0.5"),
+        ("spacing_cv = -0.1", "warp.spacing_cv = -0.1: use a number from 0 to 0.15"),
     ] {
         let message = one_line(&ClothSpec::parse(&spec(warp), "cloth.toml"));
         assert!(message.starts_with("cloth.toml: ") && message.contains(expected), "got {message}\nwant {expected}");

@@ -4,6 +4,7 @@ mod cloth;
 mod cloth_query;
 mod cloth_slits;
 mod cloth_spec;
+mod cloth_uneven;
 mod cones;
 mod corners;
 mod dual_scattering;

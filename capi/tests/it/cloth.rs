@@ -193,6 +193,7 @@ fn options_and_cloths_of_one_kind_of_yarn() {
         no_edges: 1,
         no_layers: 1,
         no_shadowing: 1,
+        no_uneven: 1,
         no_far: 1,
         has_sigma: 1,
         sigma_per_um: 0.002,
@@ -209,6 +210,7 @@ fn options_and_cloths_of_one_kind_of_yarn() {
         layers: false,
         shadowing: false,
         edges: false,
+        uneven: false,
         slits: Some(Slits { width_um: 0.6, share: 0.3 }),
         ..ClothOptions::default()
     };

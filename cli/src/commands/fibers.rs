@@ -10,7 +10,8 @@ use plywave_sim::twin::{ClothTracer, LightsOfFibers, ThreadOfFiber, TwinCurves, 
 use rand_pcg::Pcg64Mcg;
 use std::path::Path;
 
-/// The explicit fibers of a cloth, without end, with the absorption of its yarns.
+/// The explicit fibers of a cloth, without end, with the absorption of its yarns. Of uneven yarns a path
+/// meets the even fibers that show at its point.
 pub struct Fibers {
     pub tracer: ClothTracer,
     pub cloth: ClothModel,
@@ -70,7 +71,7 @@ impl Matter for Fibers {
         lamps: &mut Lamps<'_>,
     ) -> Option<Leaves> {
         let mut lit = Lit { cloth: &self.cloth, lambda_um, lamps, depth: [0.0; WAVELENGTHS] };
-        let left = self.tracer.follow(uv_um, w, rng, &mut lit)?;
+        let left = self.tracer.follow(self.cloth.even_place(uv_um), w, rng, &mut lit)?;
         let weight = lit.depth.map(|depth| (-depth).exp());
         Some(Leaves { offset_um: left.offset_um, w: left.w, weight, was_drawn: left.is_rough })
     }

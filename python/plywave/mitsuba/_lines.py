@@ -10,6 +10,7 @@ import drjit as dr
 import numpy as np
 
 from ._kit import cross3, dot3
+from ._uneven import Uneven
 
 #: Hits of a line that are kept.
 HITS = 12
@@ -46,7 +47,7 @@ class Lines:
         self.inverse = [[d / area, -c / area], [-b / area, a / area]]
         self.grid = Grid(kit, tensors, "", self.top, 0.0)
         # For lines that come near plies.
-        self.wide = None
+        self.wide, self.uneven = None, Uneven(kit, tensors)
         if "gap" in tensors:
             top, _, reach = map(float, tensors["gap"])
             self.wide = Grid(kit, tensors, "gap_", top, reach)
@@ -74,8 +75,8 @@ class Lines:
         return [i * a + j * c, i * b + j * d]
 
     def begin_line(self, at, w):
-        """A line that comes from direction ``w`` through a point of the middle plane: its start above the plies relative to the corner of the point's cell, and that cell."""
-        kit = self.kit
+        """A line that comes from direction ``w`` through the place that shows at a point of the middle plane: its start above the plies relative to the corner of the point's cell, and that cell."""
+        kit, at = self.kit, self.uneven.place(at)
         cells = [kit.floor(f) for f in self.fractions(*at)]
         corner = self.moved(cells[0][0], cells[1][0])
         way = (self.top + MARGIN_UM) / dr.maximum(dr.abs(w[2]), 1e-4)

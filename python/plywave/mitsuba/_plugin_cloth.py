@@ -17,7 +17,7 @@ from ._speckle import Speckle
 #: ``BSDFFlags::NeedsDifferentials`` of Mitsuba's bsdf.h, which its Python enumeration lacks.
 NEEDS_DIFFERENTIALS = 0x20000
 #: Switches and their defaults.
-SWITCHES = {"layers": True, "shadowing": True, "edges": True, "slits": True, "speckle": False, "far": False}
+SWITCHES = {"layers": True, "shadowing": True, "edges": True, "slits": True, "uneven": True, "speckle": False, "far": False}
 YARNS = ("warp_", "weft_")
 COLORS = ("color", "sigma_per_um")
 KEYS = {"filename", "um_per_uv", "rotation_deg", "to_uv", "footprint_um", "footprint_rad", "footprint_scale", "id", "gaps"}

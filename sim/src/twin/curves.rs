@@ -19,6 +19,7 @@ use plywave::cloth::{ClothCurves, Lattice, PlyCurve, YarnSet};
 use plywave::math::vec3::{cross, dot, sub, unit};
 use plywave::spec::YarnSpec;
 use rand::RngExt;
+use rand_pcg::Pcg64Mcg;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet};
@@ -41,6 +42,8 @@ const MIN_YARNS: usize = 4;
 const MAX_REPEATS: u32 = 8;
 /// Length by which pieces reach beyond the domain [um].
 const MARGIN_UM: f64 = 5.0;
+/// Most sections drawn until one fits its ply.
+const DRAWS: u32 = 8;
 
 /// A cloth of explicit fibers along curves.
 #[derive(Clone, Debug)]
@@ -323,7 +326,7 @@ impl TwinCurves {
         number: u32,
     ) -> Result<ClothMesh, SimError> {
         let mut rng = stream(seed, [u64::MAX, u64::from(number)]);
-        let section = PlySection::generate(&self.yarns[of.kind], rng.random())?;
+        let section = section_of(&self.yarns[of.kind], &mut rng)?;
         let begin: f64 = TAU * rng.random::<f64>();
         let path = Path::new(self, of, options, section.twist_per_um);
         let count = path.count();
@@ -539,4 +542,17 @@ impl Path {
     fn longest_um(&self) -> f64 {
         self.arcs.windows(2).map(|a| a[1] - a[0]).fold(0.0, f64::max)
     }
+}
+
+/// A drawn section. Fibers whose sizes vary are now and then too thick together for their ply: others are
+/// drawn then.
+fn section_of(spec: &YarnSpec, rng: &mut Pcg64Mcg) -> Result<PlySection, SimError> {
+    let mut drawn = PlySection::generate(spec, rng.random());
+    for _ in 1..DRAWS {
+        if !matches!(drawn, Err(SimError::CannotPack { .. })) {
+            break;
+        }
+        drawn = PlySection::generate(spec, rng.random());
+    }
+    drawn
 }

@@ -1,0 +1,239 @@
+//! Unevenness of yarns: the even cloth's place that shows at a point of the uneven cloth.
+//!
+//! A kind of yarn runs along a direction of the plane; across it its yarns are the whole numbers u. Yarn j
+//! lies off its place by o_j, and at its middle is g_j as wide as the even one; both are functions of the
+//! way along it. The even place u lies at u + D(u), where D is the cubic through D(j) = o_j with the slope
+//! g_j - 1 there: a wider yarn takes its room from the gaps beside it, and places turn up as often as in the
+//! even cloth, since D' is 0 on the average. Values are hashes of the yarn and of a stretch of it, joined
+//! smoothly; no two stretches have the same but by chance.
+
+use super::{ClothCurves, ClothSpec, Lattice};
+use crate::math::floor_fraction;
+use crate::math::hash::mix32;
+use crate::{Result, io::invalid};
+
+/// Length over which yarns change where a spec does not say [mm].
+pub(super) const USUAL_MM: f64 = 10.0;
+/// Standard deviation of the sum of two even numbers between -1/2 and 1/2 is 1 over this.
+const PER_DEVIATION: f32 = 2.449_489_8;
+
+/// The yarns of one kind.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct UnevenKind {
+    /// Unit vector of the plane across the yarns.
+    pub across: [f32; 2],
+    /// Distance of two yarns, and place of one of them along `across` [um].
+    pub pitch_um: f32,
+    pub start_um: f32,
+    /// Length over which their values change [um].
+    pub length_um: f32,
+    /// Standard deviations of the width over its mean, and of the place over the distance of two yarns.
+    pub width: f32,
+    pub place: f32,
+    /// Of its hashes.
+    pub seed: u32,
+}
+
+/// The unevenness of a cloth.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(super) struct Uneven {
+    pub kinds: Vec<UnevenKind>,
+}
+
+impl Uneven {
+    /// Of the yarns of a spec. A width is the root of a yarn's area: it varies half as much as its count.
+    ///
+    /// # Errors
+    /// [`crate::Error::Invalid`] for uneven yarns of a kind that run along several directions.
+    pub fn new(spec: &ClothSpec, curves: &ClothCurves, lattice: &Lattice) -> Result<Uneven> {
+        let mut kinds = Vec::new();
+        for (kind, yarn) in spec.yarns().into_iter().enumerate() {
+            let [count, spacing] = [yarn.count_cv, yarn.spacing_cv].map(|cv| cv.unwrap_or(0.0));
+            let of_kind: Vec<usize> =
+                (0..curves.yarns.len()).filter(|i| curves.yarns[*i].kind as usize == kind).collect();
+            let Some(first) = of_kind.first().filter(|_| count > 0.0 || spacing > 0.0) else { continue };
+            let vector = |i: usize| lattice.vector(curves.yarns[i].period);
+            let way = vector(*first);
+            let length = way[0].hypot(way[1]);
+            let across = [way[1] / length, -way[0] / length];
+            let off = |i: &usize| (vector(*i)[0] * across[0] + vector(*i)[1] * across[1]).abs();
+            if of_kind.iter().any(|i| off(i) > 1e-6 * length) {
+                let hint = "its yarns run along several directions; leave count_cv and spacing_cv out";
+                return Err(invalid("cloth", "count_cv", count, hint));
+            }
+            // The cell holds one period of each of its yarns, or as much of a shorter one.
+            let all: f64 = of_kind.iter().map(|i| vector(*i)[0].hypot(vector(*i)[1])).sum();
+            let points = curves.curves.iter().find(|c| c.yarn as usize == *first).map(|c| &c.control_um);
+            let along = points.into_iter().flatten().map(|p| p[0] * across[0] + p[1] * across[1]);
+            let start = along.sum::<f64>() / points.map_or(1, Vec::len) as f64;
+            kinds.push(UnevenKind {
+                across: across.map(|v| v as f32),
+                pitch_um: (lattice.area_um2() / all) as f32,
+                start_um: start as f32,
+                length_um: (1e3 * yarn.uneven_mm.unwrap_or(USUAL_MM)) as f32,
+                width: (0.5 * count) as f32,
+                place: spacing as f32,
+                seed: mix32(kind as u32 + 1),
+            });
+        }
+        Ok(Uneven { kinds })
+    }
+
+    /// The place of the even cloth that shows at a point [um].
+    #[inline]
+    pub fn place(&self, at_um: [f32; 2]) -> [f32; 2] {
+        let mut to = at_um;
+        for kind in &self.kinds {
+            let by = kind.shift_um(at_um);
+            (0..2).for_each(|k| to[k] -= by * kind.across[k]);
+        }
+        to
+    }
+}
+
+impl UnevenKind {
+    /// All but the seed.
+    pub fn numbers(&self) -> [f32; 7] {
+        let [a, b] = self.across;
+        [a, b, self.pitch_um, self.start_um, self.length_um, self.width, self.place]
+    }
+
+    /// By how much the place that shows at a point lies off it [um].
+    fn shift_um(&self, [x, y]: [f32; 2]) -> f32 {
+        let [a, b] = self.across;
+        let (u, along) = ((x * a + y * b - self.start_um) / self.pitch_um, (y * a - x * b) / self.length_um);
+        // u = at - D(u), in two steps: D is small, and so is its slope.
+        self.pitch_um * self.off(u - self.off(u, along), along)
+    }
+
+    /// D at a place.
+    fn off(&self, u: f32, along: f32) -> f32 {
+        let (yarn, t) = floor_fraction(u);
+        let [(from, rise), (to, fall)] = [yarn, yarn.wrapping_add(1)].map(|yarn| self.values(yarn, along));
+        let (t2, s) = (t * t, 1.0 - t);
+        let mean = from + t2 * (3.0 - 2.0 * t) * (to - from);
+        mean + t * s * (s * rise - t * fall)
+    }
+
+    /// D at a yarn and its slope, `along` lengths from the origin.
+    fn values(&self, yarn: i32, along: f32) -> (f32, f32) {
+        let row = mix32(self.seed ^ yarn as u32);
+        let (stretch, t) = floor_fraction(along + row as f32 * (1.0 / 4_294_967_296.0));
+        let [a, b] = [stretch, stretch.wrapping_add(1)].map(|stretch| deviates(mix32(row ^ stretch as u32)));
+        // Shares whose squares add up to 1, so that the variance is the same everywhere.
+        let s = t * t * (3.0 - 2.0 * t);
+        let per = 1.0 / (s * s + (1.0 - s) * (1.0 - s)).sqrt();
+        let [place, width] = [0, 1].map(|k| per * ((1.0 - s) * a[k] + s * b[k]));
+        (self.place * place, self.width * width)
+    }
+}
+
+/// Two numbers of mean 0 and variance 1 of a hash, within 2.45.
+fn deviates(hash: u32) -> [f32; 2] {
+    let part = |shift: u32| ((hash >> shift) & 0xff) as f32 * (1.0 / 255.0);
+    [0, 16].map(|shift| PER_DEVIATION * (part(shift) + part(shift + 8) - 1.0))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const KIND: UnevenKind = UnevenKind {
+        across: [0.6, -0.8],
+        pitch_um: 250.0,
+        start_um: 40.0,
+        length_um: 8000.0,
+        width: 0.08,
+        place: 0.04,
+        seed: 77,
+    };
+
+    /// The place across the yarns that shows at `u` pitches across them, `v` lengths along them.
+    fn shows(u: f64, v: f64) -> f64 {
+        let [a, b] = KIND.across.map(f64::from);
+        let (x, y) = (u * f64::from(KIND.pitch_um) + f64::from(KIND.start_um), v * f64::from(KIND.length_um));
+        let at = [x * a - y * b, x * b + y * a].map(|p| p as f32);
+        let [x, y] = Uneven { kinds: vec![KIND] }.place(at).map(f64::from);
+        (x * a + y * b - f64::from(KIND.start_um)) / f64::from(KIND.pitch_um)
+    }
+
+    /// Where the even cloth's place `u` is, by bisection.
+    fn is_at(u: f64, v: f64) -> f64 {
+        let (mut low, mut high) = (u - 0.5, u + 0.5);
+        for _ in 0..40 {
+            let mid = 0.5 * (low + high);
+            *(if shows(mid, v) < u { &mut low } else { &mut high }) = mid;
+        }
+        0.5 * (low + high)
+    }
+
+    fn moments(of: &[f64]) -> (f64, f64) {
+        let mean = of.iter().sum::<f64>() / of.len() as f64;
+        (mean, (of.iter().map(|x| (x - mean) * (x - mean)).sum::<f64>() / of.len() as f64).sqrt())
+    }
+
+    /// Yarns as they are found on the uneven cloth: their places and widths at their middle vary as the spec
+    /// has it, along a yarn over the length, from yarn to yarn without relation, and no stretch comes again.
+    #[test]
+    fn yarns_vary_as_the_spec_has_them() {
+        let width = |yarn: f64, v: f64| (is_at(yarn + 0.01, v) - is_at(yarn - 0.01, v)) / 0.02;
+        let all: Vec<[f64; 2]> = (0..3000)
+            .map(|i| (f64::from(i / 3 - 500), 40.0 * f64::from(i % 3) + 0.013 * f64::from(i)))
+            .map(|(yarn, v)| [is_at(yarn, v) - yarn, width(yarn, v)])
+            .collect();
+        let (off, place) = moments(&all.iter().map(|a| a[0]).collect::<Vec<_>>());
+        let (mean, deviation) = moments(&all.iter().map(|a| a[1]).collect::<Vec<_>>());
+        println!("places {off:.4} {place:.4}, widths {mean:.4} {deviation:.4}");
+        assert!(off.abs() < 0.003 && (place / f64::from(KIND.place) - 1.0).abs() < 0.06, "{off} {place}");
+        assert!(
+            (mean - 1.0).abs() < 0.01 && (deviation / f64::from(KIND.width) - 1.0).abs() < 0.1,
+            "{mean} {deviation}"
+        );
+        let alike = |shift: &dyn Fn(f64, f64) -> (f64, f64)| {
+            let pairs = (0..3000).map(|i| (f64::from(i % 250), 0.37 * f64::from(i)));
+            let of = |(yarn, v): (f64, f64)| width(yarn, v) - 1.0;
+            let products: f64 = pairs.map(|(yarn, v)| of((yarn, v)) * of(shift(yarn, v))).sum();
+            products / 3000.0 / (deviation * deviation)
+        };
+        assert!(alike(&|yarn, v| (yarn, v + 0.1)) > 0.9);
+        for apart in [
+            alike(&|yarn, v| (yarn, v + 2.0)),
+            alike(&|yarn, v| (yarn, v + 64.0)),
+            alike(&|yarn, v| (yarn + 1.0, v)),
+            alike(&|yarn, v| (yarn + 64.0, v)),
+        ] {
+            assert!(apart.abs() < 0.08, "{apart}");
+        }
+    }
+
+    /// Each place of the pattern shows on as much of the uneven cloth as of the even one, and nowhere twice.
+    #[test]
+    fn places_turn_up_as_often_as_in_an_even_cloth() {
+        const PARTS: usize = 10;
+        let (mut counts, mut total) = ([0u32; PARTS], 0);
+        for line in 0..400 {
+            let v = 1.7 * f64::from(line);
+            let mut before = f64::NEG_INFINITY;
+            for i in 0..2000 {
+                let u = shows(0.01 * f64::from(i), v);
+                assert!(u > before - 1e-3, "{u} after {before}");
+                before = u;
+                counts[((u.rem_euclid(1.0) * PARTS as f64) as usize).min(PARTS - 1)] += 1;
+                total += 1;
+            }
+        }
+        let shares = counts.map(|n| f64::from(n) * PARTS as f64 / f64::from(total));
+        println!("{shares:.3?}");
+        assert!(shares.iter().all(|share| (share - 1.0).abs() < 0.02), "{shares:?}");
+    }
+
+    /// No place makes it fail.
+    #[test]
+    fn any_place_has_one() {
+        let uneven = Uneven { kinds: vec![KIND, UnevenKind { across: [0.0, 1.0], ..KIND }] };
+        for x in [0.0, -1e7, 1e7, 3.3e38, -3.3e38] {
+            let _ = uneven.place([x, 2.0]);
+            assert!(x.abs() > 1e8 || uneven.place([x, 2.0]).iter().all(|v| v.is_finite()));
+        }
+    }
+}
