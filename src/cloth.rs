@@ -6,12 +6,14 @@
 //! textile units; `plywave_sim::cloth` makes the curves.
 
 mod between;
+mod brightness;
 mod bsdf;
 mod color_of;
 mod curves;
 mod draft;
 mod dye;
 mod far;
+mod far_views;
 mod file;
 mod gap;
 mod grid;
@@ -63,8 +65,10 @@ pub mod making {
     pub use super::between::{
         CLASSES, CLASSES_A_KIND, FEW, Few, InterYarn, PAIRS, Poly, SIGMA_PER_UM, SIGMAS, Side, TERMS, dot, few, terms,
     };
-    pub use super::color_of::{NODES as ALBEDO_NODES, albedo};
-    pub use super::far::{FarData, FarView, far_view};
+    pub use super::brightness::albedo;
+    pub use super::color_of::NODES as ALBEDO_NODES;
+    pub use super::far::FarData;
+    pub use super::far_views::{FarView, far_view};
     pub use super::plies::{ClothPlies, class, frame, start};
     pub use super::shade::{ClothShade, ClothShadows, is_own};
     pub use super::shadow::{

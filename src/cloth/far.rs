@@ -13,11 +13,9 @@
 //! them beside the mean of many places. The mean is as reciprocal as the cloth.
 
 use super::between::{BetweenAt, CLASSES, CLASSES_A_KIND};
-use super::model::ClothModel;
+use super::plies::Runs;
 use super::query::ClothQuery;
-use super::shadow::Toward;
 use crate::gap::{GapAt, Opening};
-use crate::math::half::{from_half, to_half};
 use crate::math::{clamp_unit, floor_fraction};
 use std::f32::consts::{FRAC_PI_2, PI, TAU};
 
@@ -43,9 +41,6 @@ pub(crate) const COLUMNS: usize = 24;
 const STEPS: usize = 8;
 pub(crate) const NODES: usize = 2 * STEPS + 1;
 pub(crate) const CELLS: usize = COLUMNS * (NODES - 1);
-/// Places of the repeat at which a view is looked at, and the Fibonacci number before it.
-const PLACES: usize = 233;
-const LATTICE: usize = 144;
 /// Apertures that stand for those of the repeat.
 pub(crate) const APERTURES: usize = 3;
 /// Those of a view: the first ones are there.
@@ -99,15 +94,8 @@ impl<const N: usize> Mixed<N> {
     }
 }
 
-/// The axis of the cloth along which yarns of a kind run.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Runs {
-    AlongX,
-    AlongY,
-}
-
 /// theta and phi of a direction about a kind's yarns.
-fn angles(runs: Runs, w: [f32; 3]) -> (f32, f32) {
+pub(super) fn angles(runs: Runs, w: [f32; 3]) -> (f32, f32) {
     let (along, across) = match runs {
         Runs::AlongY => (w[1], w[0]),
         Runs::AlongX => (w[0], w[1]),
@@ -116,7 +104,7 @@ fn angles(runs: Runs, w: [f32; 3]) -> (f32, f32) {
 }
 
 /// The inverse of [`angles`].
-fn direction(runs: Runs, theta: f32, phi: f32) -> [f32; 3] {
+pub(super) fn direction(runs: Runs, theta: f32, phi: f32) -> [f32; 3] {
     let (along, cos) = theta.sin_cos();
     let (up, across) = (cos * phi.sin(), cos * phi.cos());
     match runs {
@@ -126,7 +114,7 @@ fn direction(runs: Runs, theta: f32, phi: f32) -> [f32; 3] {
 }
 
 /// Latitude of a node of the light, q from 0 to `2 STEPS`, seen from theta_i: closer about the cone.
-fn theta_of(theta_i: f32, q: f32) -> f32 {
+pub(super) fn theta_of(theta_i: f32, q: f32) -> f32 {
     let t = q / STEPS as f32 - 1.0;
     let t = t * t.abs().sqrt();
     if t < 0.0 { -theta_i + t * (FRAC_PI_2 - theta_i) } else { -theta_i + t * (FRAC_PI_2 + theta_i) }
@@ -170,7 +158,7 @@ fn views(runs: Runs, wo: [f32; 3]) -> ([usize; 4], [f32; 4], f32) {
 }
 
 /// Direction of a view.
-fn view(runs: Runs, view: usize) -> [f32; 3] {
+pub(super) fn view(runs: Runs, view: usize) -> [f32; 3] {
     let (azimuth, row) = (view / ROWS, view % ROWS);
     let phi = PHI_I_DEG[azimuth % SIDE].to_radians();
     direction(runs, THETA_I_DEG[row].to_radians(), if azimuth < SIDE { phi } else { -phi })
@@ -210,52 +198,6 @@ pub(crate) struct Far {
     openings: Vec<Openings>,
 }
 
-/// What one view sees of one kind of yarn, mean over the places of the cell.
-pub struct FarView {
-    f: Vec<[f32; SIGMAS]>,
-    first: [[f32; SIGMAS]; CLASSES_A_KIND],
-    passing: f32,
-    openings: Vec<Opening>,
-}
-
-/// One of [`FarData::views`], by its number.
-pub fn far_view(cloth: &ClothModel, number: usize) -> FarView {
-    let (kind, number) = (number / VIEWS, number % VIEWS);
-    let runs = cloth.plies.runs[kind];
-    let wo = view(runs, number);
-    let theta_i = angles(runs, wo).0;
-    let lights: Vec<Toward> = (0..COLUMNS * NODES)
-        .map(|i| {
-            let theta = theta_of(theta_i, (i % NODES) as f32).clamp(-1.55, 1.55);
-            // Not in the plane itself, where f ends.
-            let phi = TAU * ((i / NODES) as f32 + 1e-3) / COLUMNS as f32;
-            Toward::new(direction(runs, theta, phi))
-        })
-        .collect();
-    let mut seen = FarView {
-        f: vec![[0.0; SIGMAS]; lights.len()],
-        first: [[0.0; SIGMAS]; CLASSES_A_KIND],
-        passing: 0.0,
-        openings: Vec::new(),
-    };
-    let per = 1.0 / PLACES as f32;
-    for k in 0..PLACES {
-        // Fibonacci's lattice, shifted from view to view.
-        let even = |step: f64, shift: f64| (k as f64 * step + number as f64 * shift).fract();
-        let place = [even(1.0 / PLACES as f64, 0.618_034), even(LATTICE as f64 / PLACES as f64, 0.414_214)];
-        let at = cloth.seen(kind, place, wo, &lights);
-        for (sum, f) in seen.f.iter_mut().zip(&at.f) {
-            (0..SIGMAS).for_each(|s| sum[s] += per * f[s]);
-        }
-        for (sum, energy) in seen.first.as_flattened_mut().iter_mut().zip(at.first.as_flattened()) {
-            *sum += per * energy;
-        }
-        seen.passing += per * at.passing;
-        seen.openings.extend(at.opening);
-    }
-    seen
-}
-
 /// Solid angle of a cell seen from theta_i.
 fn solid_angle(theta_i: f32, q: usize) -> f32 {
     let [low, high] = [q, q + 1].map(|q| theta_of(theta_i, q as f32).sin());
@@ -277,29 +219,6 @@ pub struct FarData {
 }
 
 impl FarData {
-    /// Number of views of a cloth, of all its kinds of yarns.
-    pub fn views(cloth: &ClothModel) -> usize {
-        cloth.plies.kinds * VIEWS
-    }
-
-    /// The mean over the places of a cloth, of [all views](far_view), as a file has it.
-    pub fn new(cloth: &ClothModel, seen: &[FarView]) -> FarData {
-        let openings = |view: &FarView| {
-            // By area, from the parts of which each has as many.
-            let mut all = view.openings.clone();
-            all.sort_by_key(|Opening([x, y, _])| u32::from(*x) * u32::from(*y));
-            let count = all.len().min(APERTURES);
-            std::array::from_fn(|i| (i < count).then(|| all[(2 * i + 1) * all.len() / (2 * count)]))
-        };
-        FarData {
-            runs: cloth.plies.runs,
-            f: seen.iter().flat_map(|view| view.f.iter().map(|f| f.map(|f| from_half(to_half(f))))).collect(),
-            first: seen.iter().map(|view| view.first).collect(),
-            passing: seen[..VIEWS].iter().map(|view| view.passing).collect(),
-            openings: seen[..VIEWS].iter().map(openings).collect(),
-        }
-    }
-
     /// The openings of all views as numbers, [`OPENING_NUMBERS`] of each: how many there are, and their own.
     pub(crate) fn opening_numbers(openings: &[Openings]) -> Vec<u32> {
         let of = |view: &Openings| {

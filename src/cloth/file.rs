@@ -1,7 +1,8 @@
 //! Cloth files (`.pwc`): all that shading needs, made once.
 
 use super::between::{CLASSES, CLASSES_A_KIND, FEW, InterYarn, PAIRS, SIGMAS, Side, TERMS};
-use super::far::{COLUMNS, FarData, NODES, OPENING_NUMBERS, Runs, VIEWS};
+use super::far::{COLUMNS, FarData, NODES, OPENING_NUMBERS, VIEWS};
+use super::plies::Runs;
 use super::query::ClothOptions;
 use super::shade::ClothShadows;
 use super::shadow::{self, LANES, ROWS};

@@ -7,17 +7,16 @@
 //! wi up to the ply models' own asymmetry, and energy is conserved either way (docs/explain/papers.md:
 //! departures from 7.1).
 
-use super::between::{CLASSES_A_KIND, InterYarn, SIGMA_PER_UM, SIGMAS};
+use super::between::{CLASSES_A_KIND, InterYarn};
 use super::bsdf::{ClothBsdf, MAX_NEAR, NearPly, Passes};
-use super::color_of;
+use super::color_of::of_nodes;
 use super::dye::{ColorReach, own_color};
-use super::far::{self, Far, FarAt, FarData, Mixed, Seen};
+use super::far::{self, Far, FarAt, FarData, Mixed};
 use super::gap::ClothGaps;
 use super::lines::{ClothLines, LineHit, LineHits};
 use super::plies::{ClothPlies, class, frame, passes, start};
 use super::query::{ClothOptions, ClothQuery, GapLight, Slits, in_pattern};
 use super::shade::{ClothShade, ClothShadows};
-use super::shadow::Toward;
 use super::uneven::Uneven;
 use super::yarn_colors::Dyes;
 use super::{Channels, ClothData, ClothSpec, ColorOf, YarnColor};
@@ -44,11 +43,11 @@ pub struct ClothModel {
     pub(super) curve: AlbedoCurve,
     /// The curve under a sky all round.
     pub(super) even_sky: AlbedoCurve,
-    color_of: ColorOf,
+    pub(super) color_of: ColorOf,
     /// By kind, what the reflections of its fibers absorb, if they are opaque, and the colors of its yarns.
     /// Of a single kind twice.
-    metals: [Option<Reflections>; 2],
-    colors: [Vec<YarnColor>; 2],
+    pub(super) metals: [Option<Reflections>; 2],
+    pub(super) colors: [Vec<YarnColor>; 2],
     pub(super) dyes: Dyes,
     pub(super) options: ClothOptions,
     pub(super) shadows: ClothShadows,
@@ -97,7 +96,7 @@ impl ClothModel {
             GapLight::Diffracted => Some(Arc::new(ClothGaps::new(&data.curves, &plies.lattice, &beams[0])?)),
             GapLight::Straight => None,
         };
-        let curve = color_of::of_nodes(&data.albedo);
+        let curve = of_nodes(&data.albedo);
         let yarns = spec.yarns();
         let kind = |kind: usize| kind.min(plies.kinds - 1);
         let colors = [0, 1].map(|k| {
@@ -118,10 +117,7 @@ impl ClothModel {
             }
         };
         let slits = [slit(0)?, slit(1)?];
-        let uneven = match options.uneven {
-            true => Uneven::new(&spec, &data.curves, &plies.lattice)?,
-            false => Uneven::default(),
-        };
+        let uneven = Uneven::new(&spec, &data.curves, &plies.lattice)?;
         let metals = [own_color(&plies.models[0])?, own_color(&plies.models[kind(1)])?];
         let cloth = ClothModel {
             dyes: Dyes::new(&colors, &metals, &curve),
@@ -136,7 +132,7 @@ impl ClothModel {
             between: data.between,
             slits,
             gaps,
-            uneven: Arc::new(uneven),
+            uneven: Arc::new(if options.uneven { uneven } else { Uneven::default() }),
             far: data.far.filter(|_| options.far).map(|far| Arc::new(Far::new(FarData { runs, ..far }))),
         };
         Ok(match spec.color_of {
@@ -227,18 +223,6 @@ impl ClothModel {
     /// What its colors are colors of.
     pub fn color_of(&self) -> ColorOf {
         self.color_of
-    }
-
-    /// As [`ClothModel::color_curve`], in another meaning. It takes tenths of a second but for the cloth's
-    /// own and [`ColorOf::EvenSky`].
-    pub fn color_curve_of(&self, of: ColorOf) -> AlbedoCurve {
-        if of == self.color_of {
-            return self.curve.clone();
-        }
-        let (gaps, slits) = (None, [None; 2]);
-        let uneven = Arc::default();
-        let rays = ClothModel { options: ClothOptions::RAYS, far: None, gaps, slits, uneven, ..self.clone() };
-        color_of::curve(&rays, of)
     }
 
     /// Absorptions [1/um] with which the cloth has these reflectances, 0 to 1, at wavelengths or in linear
@@ -434,20 +418,5 @@ impl ClothModel {
         let through =
             |opening: Option<Opening>| Some(self.gaps.as_deref()?.apertures().through(opening?, wo, query.lambda_um));
         Some((FarAt::new(plies, between, passing, openings.map(through)), share))
-    }
-}
-
-impl ClothModel {
-    /// What is seen of the plies of a kind from `wo` at a place of the cell, by fractions of it, towards
-    /// `lights`.
-    pub(super) fn seen(&self, kind: usize, place: [f64; 2], wo: [f32; 3], lights: &[Toward]) -> Seen {
-        let [a, b] = self.plies.lattice.cell_um;
-        let at = [0, 1].map(|k| (place[0] * a[k] + place[1] * b[k]) as f32);
-        let query = ClothQuery {
-            sigma_per_um: [Some(SIGMA_PER_UM); 2],
-            channels: Channels::Wavelengths,
-            ..ClothQuery::new(at, wo, [0.55; SIGMAS])
-        };
-        self.at(&query).seen(kind, lights)
     }
 }

@@ -1,7 +1,6 @@
 //! The curves of a cloth with the models of their plies: what a line meets.
 
 use super::between::CLASSES_A_KIND;
-use super::far::Runs;
 use super::lines::{ClothLines, LineHit};
 use super::{ClothCurves, ClothYarn, Lattice};
 use crate::math::vec3::{cross, dot};
@@ -14,6 +13,13 @@ use std::sync::Arc;
 const MAX_OFF: f64 = 0.02;
 /// Lines start this far above the plies [um].
 pub(super) const MARGIN_UM: f32 = 1.0;
+
+/// The axis of the cloth along which yarns of a kind run.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Runs {
+    AlongX,
+    AlongY,
+}
 
 /// The curves of a cloth with the models of their plies.
 #[derive(Clone, Debug)]

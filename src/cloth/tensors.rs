@@ -42,10 +42,10 @@
 
 use super::ClothModel;
 use super::between::{CLASSES, CLASSES_A_KIND, FEW, PAIRS, SIGMAS, Side, TERMS};
-use super::far::{self, Runs};
+use super::far;
 use super::grid::Entry;
 use super::lines::LineTables;
-use super::plies::ClothPlies;
+use super::plies::{ClothPlies, Runs};
 use super::shadow::{COLUMNS, LANES, ROWS};
 use super::splines::{COUNT, Several};
 use super::uneven::UnevenKind;

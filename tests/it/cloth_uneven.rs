@@ -36,14 +36,13 @@ fn the_mean_light_is_that_of_even_yarns() {
             for (sum, (scattered, straight)) in sums.iter_mut().zip(both) {
                 *sum = (sum.0 + scattered, sum.1 + straight);
             }
-            alike += usize::from(both[0] == both[1]);
+            alike += usize::from(both[0] == both[1] && both[0].0 > 0.0);
         }
         let [(even, open), (uneven, other)] = sums;
         let off = (uneven / even - 1.0, (other - open) / N as f64);
         println!("{wo:?}: light off by {:.5}, straight {:.4} by {:.5}", off.0, open / N as f64, off.1);
         assert!(off.0.abs() < 0.005 && off.1.abs() < 0.002, "{off:?}");
-        // In gaps both have no ply.
-        assert!(alike < N / 4, "{alike} of {N} places alike");
+        assert!(alike < N / 100, "{alike} of {N} places alike");
     }
 }
 
@@ -62,4 +61,16 @@ fn the_option_makes_yarns_even() {
         apart += usize::from(light(&uneven, at, wo, &lights) != light(&uneven, next, wo, &lights));
     }
     assert!(apart > 300, "{apart}");
+}
+
+/// Uneven yarns of a kind that run along several directions.
+#[test]
+fn yarns_of_several_directions_are_refused() {
+    let mut data = with_keys(&RED_BLUE, KEYS);
+    data.curves.yarns[2].kind = 0;
+    for uneven in [true, false] {
+        let options = ClothOptions { uneven, ..ClothOptions::SMOOTH };
+        let message = ClothModel::from_data(data.clone(), &options).expect_err("refused").to_string();
+        assert!(message.contains("warp.count_cv = 0.25: its yarns run along several directions"), "{message}");
+    }
 }
