@@ -7,9 +7,9 @@
 //! a cut path relative to its throughput.
 
 use crate::WAVELENGTHS;
+use crate::numbers::PathNumbers;
 use crate::spectrum::{Light4, xyz};
 use rand::RngExt;
-use rand_pcg::Pcg64Mcg;
 
 /// Default largest number of scatterings of a path. The light within an infinitely deep layer of clear fibers
 /// falls as 1 / sqrt(n) after n scatterings, which is 0.4 % here.
@@ -51,7 +51,7 @@ impl Course {
     }
 
     /// Whether the path scatters once more; `light` is the light along it so far.
-    pub fn goes_on(&mut self, throughput: &Light4, light: &Light4, rng: &mut Pcg64Mcg) -> bool {
+    pub fn goes_on(&mut self, throughput: &Light4, light: &Light4, rng: &mut PathNumbers) -> bool {
         if self.depth < self.most {
             return true;
         }
@@ -69,7 +69,7 @@ impl Course {
     /// Counts a scattering; returns whether the path survives Russian roulette, with its throughput scaled. A
     /// path followed beyond a cut has no roulette, for less noise from few paths; it ends when its throughput
     /// is negligible.
-    pub fn survives(&mut self, throughput: &mut Light4, rng: &mut Pcg64Mcg) -> bool {
+    pub fn survives(&mut self, throughput: &mut Light4, rng: &mut PathNumbers) -> bool {
         let most = |light: &Light4| light.iter().copied().fold(0.0f32, f32::max);
         if let Some(cut) = &self.cut {
             if most(throughput) < NEGLIGIBLE * most(&cut.carried) {

@@ -199,8 +199,9 @@ impl Film {
         self.depth[at] / self.hits[at].max(1.0)
     }
 
-    /// Variance of a pixel's mean linear sRGB, from the spread of its samples; `None` for fewer than two
-    /// samples.
+    /// Variance of a pixel's linear sRGB over samples, divided by their number; `None` for fewer than two.
+    /// That is the variance of the mean for matter; of other scenes an upper bound, as the numbers of a
+    /// pixel's paths are evenly spread.
     pub fn variance(&self, x: u32, y: u32) -> Option<[f32; 3]> {
         let n = self.samples as f32;
         (self.samples > 1).then(|| self.deviation[self.at(x, y)].map(|d| d / (n * (n - 1.0))))

@@ -1,10 +1,15 @@
 //! Lamps, and sampling of lamps and the sky: by directions drawn from a source, and by rays that hit one.
 
+use crate::numbers::PathNumbers;
 use crate::spectrum::Light4;
 use crate::{Environment, WAVELENGTHS};
 use glam::Vec3;
 use rand::RngExt;
-use rand_pcg::Pcg64Mcg;
+
+/// Up to so many sources, a surface draws from each.
+const EACH: usize = 3;
+/// Scatterings after which it draws from one.
+const FROM_EACH: u32 = 2;
 
 /// A rectangular lamp that emits the same radiance into all directions, on the side of `edges[0] x edges[1]`.
 #[derive(Clone, Copy, Debug)]
@@ -175,15 +180,38 @@ impl Sources<'_> {
         is_open.then(|| self.of_sky(direction, self.environment.texel(direction), lambda_um))
     }
 
+    /// How many sources a surface draws from after so many scatterings: at first each of a few, later, or of
+    /// many, one.
+    pub fn draws(&self, depth: u32) -> usize {
+        if depth < FROM_EACH && self.count() <= EACH { self.count() } else { 1 }
+    }
+
+    /// [`Sources::draw`] for one of so many draws ([`Sources::draws`]), of its own source; the density is
+    /// still that of all sources.
+    pub fn draw_of(
+        &self,
+        (number, draws): (usize, usize),
+        position: Vec3,
+        lambda_um: Light4,
+        rng: &mut PathNumbers,
+    ) -> Option<Arriving> {
+        if draws == self.count() {
+            return self.draw_from(number, position, lambda_um, rng.random());
+        }
+        self.draw(position, lambda_um, rng)
+    }
+
     /// Light of a randomly drawn source, in a direction drawn from it; `None` if another source occludes it.
-    pub fn draw(&self, position: Vec3, lambda_um: Light4, rng: &mut Pcg64Mcg) -> Option<Arriving> {
+    pub fn draw(&self, position: Vec3, lambda_um: Light4, rng: &mut PathNumbers) -> Option<Arriving> {
         let count = self.count();
         let which = (rng.random::<f32>() * count as f32) as usize;
-        let u: [f64; 2] = rng.random();
-        if count == 0 || self.sampling == LightSampling::Scattering {
+        self.draw_from(which.min(count.max(1) - 1), position, lambda_um, rng.random())
+    }
+
+    fn draw_from(&self, which: usize, position: Vec3, lambda_um: Light4, u: [f64; 2]) -> Option<Arriving> {
+        if self.count() == 0 || self.sampling == LightSampling::Scattering {
             return None;
         }
-        let which = which.min(count - 1);
         let Some(lamp) = self.lights.get(which) else {
             let (direction, texel) = self.environment.sample(u);
             let hidden = self.nearest(position, direction).is_some();

@@ -8,6 +8,7 @@ use crate::camera::Camera;
 use crate::course::Course;
 use crate::film::Film;
 use crate::light::{Arriving, Sources};
+use crate::numbers::PathNumbers;
 use crate::path::{RenderOptions, Traced, Tracer, leave, render_by};
 use crate::props::Matte;
 use crate::scene::{Meeting, Scene, SurfacePoint};
@@ -16,7 +17,6 @@ use crate::{Environment, RenderError, WAVELENGTHS};
 use glam::Vec3;
 use plywave::{Bsdf, BsdfSample};
 use rand::RngExt;
-use rand_pcg::Pcg64Mcg;
 use std::sync::atomic::AtomicBool;
 
 /// Where light that came to a sheet of matter leaves it.
@@ -47,7 +47,7 @@ pub struct Lamps<'a> {
 impl Lamps<'_> {
     /// A direction to a lamp, in the surface's frame, drawn for a place given from the point of the middle
     /// plane that the light came to [um]; `None` where there is none.
-    pub fn draw(&mut self, place_um: [f32; 3], rng: &mut Pcg64Mcg) -> Option<[f32; 3]> {
+    pub fn draw(&mut self, place_um: [f32; 3], rng: &mut PathNumbers) -> Option<[f32; 3]> {
         let place = self.point.position + 1e-3 * self.point.frame.world(place_um);
         self.drawn = self.lamps.draw(place, self.lambda, rng);
         self.drawn.as_ref().map(|source| self.point.frame.local(source.direction))
@@ -75,7 +75,7 @@ pub trait Matter: Sync {
         uv_um: [f32; 2],
         w: [f32; 3],
         lambda_um: [f32; WAVELENGTHS],
-        rng: &mut Pcg64Mcg,
+        rng: &mut PathNumbers,
         lamps: &mut Lamps<'_>,
     ) -> Option<Leaves>;
 }
@@ -106,12 +106,14 @@ pub fn render_matter<M: Matter>(
 }
 
 impl<M: Matter> Tracer for Explicit<'_, M> {
+    const EVEN: bool = false;
+
     fn trace(
         &self,
         options: &RenderOptions,
         (mut origin, mut direction, _): (Vec3, Vec3, f32),
         lambda: Light4,
-        rng: &mut Pcg64Mcg,
+        rng: &mut PathNumbers,
     ) -> Traced {
         let (mut light, mut albedo, mut throughput) = ([0.0; WAVELENGTHS], [0.0; WAVELENGTHS], [1.0f32; WAVELENGTHS]);
         let (mut hit, mut was_drawn) = (None, false);

@@ -3,15 +3,15 @@
 use crate::camera::Camera;
 use crate::course::{Course, CutSums};
 use crate::film::{Film, PixelSums, Sample};
+use crate::numbers::PathNumbers;
 use crate::props::Matte;
 use crate::scene::{Meeting, Scene, SurfacePoint};
-use crate::spectrum::{LAMBDA_RANGE_UM, Light4, xyz};
+use crate::spectrum::{Light4, lambda_at, xyz};
 use crate::{RenderError, Surface, WAVELENGTHS};
 use glam::Vec3;
 use plywave::math::hash::{GAMMA, mix64};
 use plywave::{Bsdf, BsdfSample};
-use rand::{RngExt, SeedableRng};
-use rand_pcg::Pcg64Mcg;
+use rand::RngExt;
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -48,8 +48,11 @@ pub(crate) struct Traced {
 
 /// Scene that paths are traced in.
 pub(crate) trait Tracer: Sync {
+    /// Whether the samples of a pixel have evenly spread numbers.
+    const EVEN: bool = true;
+
     /// Light along a ray from the camera: origin, unit direction, width of a pixel at unit distance.
-    fn trace(&self, options: &RenderOptions, ray: (Vec3, Vec3, f32), lambda: Light4, rng: &mut Pcg64Mcg) -> Traced;
+    fn trace(&self, options: &RenderOptions, ray: (Vec3, Vec3, f32), lambda: Light4, rng: &mut PathNumbers) -> Traced;
 }
 
 /// A scene whose sheet has a surface.
@@ -125,8 +128,8 @@ pub(crate) fn render_by(
 }
 
 /// One sample of a pixel.
-fn pixel(
-    tracer: &impl Tracer,
+fn pixel<T: Tracer>(
+    tracer: &T,
     camera: &Camera,
     options: &RenderOptions,
     (x, y): (u32, u32),
@@ -134,14 +137,11 @@ fn pixel(
     sample: u32,
 ) -> Sample {
     let place = u64::from(y) * u64::from(width) + u64::from(x);
-    let mut rng = Pcg64Mcg::seed_from_u64(mix(options.seed, mix(place, u64::from(sample))));
-    let first: f32 = rng.random();
-    let [low, high] = LAMBDA_RANGE_UM;
-    let lambda: Light4 = std::array::from_fn(|k| {
-        let t = first + k as f32 / WAVELENGTHS as f32;
-        low + (high - low) * (t - t.floor())
-    });
+    let seed = mix(options.seed, place);
+    let mut rng = if T::EVEN { PathNumbers::new(seed, sample) } else { PathNumbers::independent(seed, sample) };
     let (px, py) = (x as f32 + rng.random::<f32>(), y as f32 + rng.random::<f32>());
+    let first: f32 = rng.random();
+    let lambda: Light4 = std::array::from_fn(|k| lambda_at((first + k as f32 / WAVELENGTHS as f32).fract()));
     let (origin, direction) = camera.ray(px, py, width, height);
     let width_per_mm = camera.pixel_width(height);
     // First hits use no random numbers, so the light does not depend on them.
@@ -155,7 +155,7 @@ fn mix(a: u64, b: u64) -> u64 {
 }
 
 impl<S: Surface> Tracer for Sheet<'_, S> {
-    fn trace(&self, options: &RenderOptions, ray: (Vec3, Vec3, f32), lambda: Light4, rng: &mut Pcg64Mcg) -> Traced {
+    fn trace(&self, options: &RenderOptions, ray: (Vec3, Vec3, f32), lambda: Light4, rng: &mut PathNumbers) -> Traced {
         trace(self.scene, self.surface, options, ray, lambda, rng)
     }
 }
@@ -167,7 +167,7 @@ fn trace<S: Surface>(
     options: &RenderOptions,
     (mut origin, mut direction, mut width_per_mm): (Vec3, Vec3, f32),
     lambda: Light4,
-    rng: &mut Pcg64Mcg,
+    rng: &mut PathNumbers,
 ) -> Traced {
     // Width of the path's footprint [mm]; it grows with the distance.
     let mut width = 0.0;
@@ -176,12 +176,14 @@ fn trace<S: Surface>(
     // Density with which the direction was drawn; the camera's counts as certain.
     let mut pdf = f32::INFINITY;
     let mut course = Course::new(options.depth);
+    // How many sources the last point drew from.
+    let mut draws = 1;
     loop {
         let meeting = scene.first(origin, direction);
         // Lamps and the sky, if nothing occludes them.
         let reach = meeting.map_or(f32::INFINITY, |m| m.point().t);
         if let Some(source) = scene.sources().met(origin, direction, reach, lambda) {
-            let weight = scene.sampling.of_met(pdf, source.pdf);
+            let weight = scene.sampling.of_met(pdf, source.pdf * draws as f32);
             for k in 0..WAVELENGTHS {
                 light[k] += throughput[k] * weight * source.radiance[k];
             }
@@ -190,6 +192,7 @@ fn trace<S: Surface>(
         let Some(meeting) = meeting else { break };
         let point = *meeting.point();
         width += width_per_mm * point.t;
+        draws = scene.sources().draws(course.depth());
         let goes_on = course.goes_on(&throughput, &light, rng);
         let (seen, next) = match meeting {
             Meeting::Sheet(_) => {
@@ -197,14 +200,12 @@ fn trace<S: Surface>(
                 // The geometric mean of the axes of the footprint's ellipse on the cloth.
                 let footprint_mm = width / wo[2].abs().max(0.01).sqrt();
                 let at = surface.at(point.uv_um, 1000.0 * footprint_mm, wo, lambda);
-                (at.albedo(), scatter(scene, &point, &at, goes_on, (lambda, throughput), rng, &mut light))
+                (at.albedo(), scatter(scene, &point, &at, goes_on, draws, (lambda, throughput), rng, &mut light))
             }
             Meeting::Prop(_, albedo) => {
                 let at = Matte(albedo);
-                (
-                    Bsdf::<WAVELENGTHS>::albedo(&at),
-                    scatter(scene, &point, &at, goes_on, (lambda, throughput), rng, &mut light),
-                )
+                let next = scatter(scene, &point, &at, goes_on, draws, (lambda, throughput), rng, &mut light);
+                (Bsdf::<WAVELENGTHS>::albedo(&at), next)
             }
         };
         if course.depth() == 0 {
@@ -250,14 +251,15 @@ fn scatter(
     point: &SurfacePoint,
     at: &impl Bsdf<WAVELENGTHS>,
     goes_on: bool,
+    draws: usize,
     (lambda, throughput): (Light4, Light4),
-    rng: &mut Pcg64Mcg,
+    rng: &mut PathNumbers,
     light: &mut Light4,
 ) -> BsdfSample<WAVELENGTHS> {
     if !goes_on {
         return BsdfSample::Absorbed;
     }
-    direct(scene, point, at, (lambda, throughput), rng, light);
+    direct(scene, point, at, draws, (lambda, throughput), rng, light);
     at.sample(rng.random())
 }
 
@@ -267,23 +269,29 @@ pub(crate) fn leave(point: &SurfacePoint, direction: Vec3) -> Vec3 {
     point.position + point.face * offset.copysign(point.face.dot(direction))
 }
 
-/// Direct light from one source, weighted against sampling by scattering.
+/// Direct light from each source, or from one of them ([`Sources::draws`]), weighted against sampling by
+/// scattering.
 fn direct(
     scene: &Scene,
     point: &SurfacePoint,
     at: &impl Bsdf<WAVELENGTHS>,
+    draws: usize,
     (lambda, throughput): (Light4, Light4),
-    rng: &mut Pcg64Mcg,
+    rng: &mut PathNumbers,
     light: &mut Light4,
 ) {
-    let Some(source) = scene.sources().draw(point.position, lambda, rng) else { return };
-    let local = point.frame.local(source.direction);
-    let f = at.eval(local);
-    if f.iter().all(|f| *f <= 0.0) || !scene.free(leave(point, source.direction), source.direction, source.reach()) {
-        return;
-    }
-    let weight = scene.sampling.of_drawn(source.pdf, at.pdf(local)) / source.pdf.max(1e-30);
-    for k in 0..WAVELENGTHS {
-        light[k] += throughput[k] * f[k] * weight * source.radiance[k];
+    for number in 0..draws {
+        let Some(source) = scene.sources().draw_of((number, draws), point.position, lambda, rng) else { continue };
+        let local = point.frame.local(source.direction);
+        let (f, own) = at.eval_pdf(local);
+        let is_free = || scene.free(leave(point, source.direction), source.direction, source.reach());
+        if f.iter().all(|f| *f <= 0.0) || !is_free() {
+            continue;
+        }
+        let pdf = source.pdf * draws as f32;
+        let weight = scene.sampling.of_drawn(pdf, own) / pdf.max(1e-30);
+        for k in 0..WAVELENGTHS {
+            light[k] += throughput[k] * f[k] * weight * source.radiance[k];
+        }
     }
 }

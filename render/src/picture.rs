@@ -59,7 +59,7 @@ fn text(value: &str) -> Text {
 impl Film {
     /// An OpenEXR file, one part of 32-bit floats: `R G B`, linear sRGB of the light; `albedo.R G B`;
     /// `normal.X Y Z`, unit, in the scene's axes, turned to the camera; `depth.Z` along the camera's axis
-    /// [mm]; with two or more samples `variance.R G B`, of the mean of a pixel. Normal and depth are 0 where
+    /// [mm]; with two or more samples `variance.R G B` ([`Film::variance`]). Normal and depth are 0 where
     /// nothing is hit. The header has `facts` and the chromaticities.
     ///
     /// # Errors

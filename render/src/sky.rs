@@ -270,7 +270,7 @@ mod tests {
             let mut xyz = [0.0; 3];
             let n = 4000;
             for k in 0..n {
-                let lambda = 0.38 + 0.4 * (k as f32 + 0.5) / n as f32;
+                let lambda = crate::spectrum::lambda_at((k as f32 + 0.5) / n as f32);
                 let part = crate::spectrum::xyz([lambda; 4], sky.radiance(0, [lambda; 4]));
                 (0..3).for_each(|c| xyz[c] += f64::from(part[c]) / f64::from(n));
             }

@@ -1,24 +1,93 @@
 //! Wavelengths of a path, and the color of its light.
+//!
+//! Wavelengths are drawn as often as the illuminant's light shows: a path among ends of the range would
+//! hardly be seen (Radziszewski et al., "An Improved Technique for Full Spectral Rendering", WSCG 2009).
 
 use crate::WAVELENGTHS;
 use plywave::color;
+use std::sync::OnceLock;
 
 /// Wavelengths of a picture [um].
 pub const LAMBDA_RANGE_UM: [f32; 2] = [0.38, 0.78];
+/// Nodes of the distribution of wavelengths, one a nanometer.
+const NODES: usize = 401;
+/// Share of wavelengths that are drawn evenly.
+const EVEN: f64 = 0.1;
 
 /// A value at each wavelength of a path.
 pub(crate) type Light4 = [f32; WAVELENGTHS];
 
-/// XYZ of light that has the illuminant's spectrum times `values` at the wavelengths of a path, drawn evenly
-/// over the picture's range.
+/// The distribution of wavelengths: at the nodes, its density [1/um] and the share below; both are linear
+/// between them, as near as is needed: densities are those of the linear shares.
+struct Shares {
+    below: [f32; NODES],
+}
+
+fn shares() -> &'static Shares {
+    static SHARES: OnceLock<Shares> = OnceLock::new();
+    SHARES.get_or_init(|| {
+        let [low, high] = LAMBDA_RANGE_UM.map(f64::from);
+        let seen = |at: f64| color::d65_xyz_density(low + (high - low) * at / (NODES - 1) as f64).iter().sum::<f64>();
+        let mut sums = [0.0f64; NODES];
+        for node in 1..NODES {
+            sums[node] = sums[node - 1] + seen(node as f64 - 0.5).max(0.0);
+        }
+        let all = sums[NODES - 1];
+        let below = |node: usize| EVEN * node as f64 / (NODES - 1) as f64 + (1.0 - EVEN) * sums[node] / all;
+        Shares { below: std::array::from_fn(|node| below(node) as f32) }
+    })
+}
+
+/// The wavelength [um] with this share of wavelengths below it.
+pub(crate) fn lambda_at(share: f32) -> f32 {
+    let below = &shares().below;
+    let node = below.partition_point(|b| *b <= share).clamp(1, NODES - 1);
+    let part = ((share - below[node - 1]) / (below[node] - below[node - 1])).clamp(0.0, 1.0);
+    let [low, high] = LAMBDA_RANGE_UM;
+    low + (high - low) * ((node - 1) as f32 + part) / (NODES - 1) as f32
+}
+
+/// The share of wavelengths below one, and their density there [1/um].
+pub(crate) fn share_below(lambda_um: f32) -> (f32, f32) {
+    let (below, [low, high]) = (&shares().below, LAMBDA_RANGE_UM);
+    let at = ((lambda_um - low) / (high - low)).clamp(0.0, 1.0) * (NODES - 1) as f32;
+    let node = (at as usize).min(NODES - 2);
+    let rise = below[node + 1] - below[node];
+    (below[node] + (at - node as f32) * rise, rise * (NODES - 1) as f32 / (high - low))
+}
+
+/// XYZ of light that has the illuminant's spectrum times `values` at the wavelengths of a path, as
+/// [`lambda_at`] draws them.
 pub(crate) fn xyz<const N: usize>(lambda_um: [f32; N], values: [f32; N]) -> [f32; 3] {
     let mut sum = [0.0; 3];
-    let scale = (LAMBDA_RANGE_UM[1] - LAMBDA_RANGE_UM[0]) / N.max(1) as f32;
     for k in 0..N {
         let matching = color::d65_xyz_density(f64::from(lambda_um[k]));
+        let scale = values[k] / (N as f32 * share_below(lambda_um[k]).1);
         for c in 0..3 {
-            sum[c] += scale * values[k] * matching[c] as f32;
+            sum[c] += scale * matching[c] as f32;
         }
     }
     sum
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Shares and wavelengths are inverse to each other, and evenly drawn shares give white for a value of 1.
+    #[test]
+    fn wavelengths_are_drawn_by_their_density() {
+        let (mut sum, n) = ([0.0f64; 3], 40_000);
+        for i in 0..n {
+            let share = (i as f32 + 0.5) / n as f32;
+            let lambda = lambda_at(share);
+            let (back, density) = share_below(lambda);
+            assert!((back - share).abs() < 1e-5 && density > 0.2, "{lambda}: {share} {back} {density}");
+            let of = xyz([lambda], [1.0]);
+            (0..3).for_each(|c| sum[c] += f64::from(of[c]) / f64::from(n));
+        }
+        let white = color::linear_srgb_of_xyz(sum);
+        assert!(white.iter().all(|v| (v - 1.0).abs() < 1e-3), "{white:?}");
+        assert_eq!([lambda_at(0.0), lambda_at(1.0)], LAMBDA_RANGE_UM);
+    }
 }

@@ -5,9 +5,8 @@ use crate::args::Cli;
 use crate::failure::Outcome;
 use plywave::ClothModel;
 use plywave::cloth::ClothData;
-use plywave_render::{Lamps, Leaves, Matter, WAVELENGTHS};
+use plywave_render::{Lamps, Leaves, Matter, PathNumbers, WAVELENGTHS};
 use plywave_sim::twin::{ClothTracer, LightsOfFibers, ThreadOfFiber, TwinCurves, TwinMesh};
-use rand_pcg::Pcg64Mcg;
 use std::path::Path;
 
 /// The explicit fibers of a cloth, without end, with the absorption of its yarns. Of uneven yarns a path
@@ -47,12 +46,12 @@ impl Lit<'_, '_> {
     }
 }
 
-impl LightsOfFibers<Pcg64Mcg> for Lit<'_, '_> {
+impl LightsOfFibers<PathNumbers> for Lit<'_, '_> {
     fn passes(&mut self, thread: &ThreadOfFiber, inside_um: f32) {
         self.depth = self.with(thread, inside_um);
     }
 
-    fn draw(&mut self, place_um: [f32; 3], rng: &mut Pcg64Mcg) -> Option<[f32; 3]> {
+    fn draw(&mut self, place_um: [f32; 3], rng: &mut PathNumbers) -> Option<[f32; 3]> {
         self.lamps.draw(place_um, rng)
     }
 
@@ -67,7 +66,7 @@ impl Matter for Fibers {
         uv_um: [f32; 2],
         w: [f32; 3],
         lambda_um: [f32; WAVELENGTHS],
-        rng: &mut Pcg64Mcg,
+        rng: &mut PathNumbers,
         lamps: &mut Lamps<'_>,
     ) -> Option<Leaves> {
         let mut lit = Lit { cloth: &self.cloth, lambda_um, lamps, depth: [0.0; WAVELENGTHS] };

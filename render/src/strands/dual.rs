@@ -20,15 +20,15 @@ use super::trace::{Flight, Leaving, ScatterPoint};
 use crate::camera::Camera;
 use crate::course::Course;
 use crate::light::{LightSampling, Sources};
+use crate::numbers::PathNumbers;
 use crate::path::{RenderOptions, Traced, Tracer, render_by};
 use crate::props::Matte;
-use crate::spectrum::{LAMBDA_RANGE_UM, Light4};
+use crate::spectrum::{Light4, lambda_at, share_below};
 use crate::{Film, Prop, RenderError, WAVELENGTHS};
 use glam::{DVec3, Vec3};
 use plywave::fiber::dual_scattering::{DualOptions, DualScattering, Occlusion};
 use plywave::{Bsdf, BsdfSample, FiberModel, FiberQuery};
 use rand::RngExt;
-use rand_pcg::Pcg64Mcg;
 use rayon::prelude::*;
 use std::f32::consts::{PI, TAU};
 use std::sync::Arc;
@@ -171,7 +171,7 @@ impl<'a> StrandDual<'a> {
         dual: &DualScattering<WAVELENGTHS>,
         (position, normal, albedo): (Vec3, DVec3, f32),
         lambda: Light4,
-        rng: &mut Pcg64Mcg,
+        rng: &mut PathNumbers,
         found: &mut Vec<StrandHit>,
     ) -> Light4 {
         let Some(source) = self.sources().draw(position, lambda, rng) else {
@@ -194,7 +194,7 @@ impl<'a> StrandDual<'a> {
         Sources { sampling: LightSampling::Both, ..self.scene.sources() }
     }
 
-    fn add(&self, of: &Shading<'_>, throughput: Light4, rng: &mut Pcg64Mcg, light: &mut Light4) {
+    fn add(&self, of: &Shading<'_>, throughput: Light4, rng: &mut PathNumbers, light: &mut Light4) {
         let mut found = Vec::new();
         let sources = self.sources();
         if let Some(source) = sources.draw(of.place.position().as_vec3(), of.lambda, rng) {
@@ -259,14 +259,12 @@ fn beside(position: Vec3, normal: DVec3) -> ScatterPoint {
 
 /// Ascending wavelengths [um] of paths whose first is at `t`, 0 to 1, of its quarter of the range.
 fn wavelengths(t: f32) -> Light4 {
-    let [low, high] = LAMBDA_RANGE_UM;
-    std::array::from_fn(|k| low + (high - low) * (k as f32 + t) / WAVELENGTHS as f32)
+    std::array::from_fn(|k| lambda_at((k as f32 + t) / WAVELENGTHS as f32))
 }
 
 /// The bin of a path's wavelengths, and the quarter of the range of its first one.
 fn bin(lambda: Light4) -> (usize, usize) {
-    let [low, high] = LAMBDA_RANGE_UM;
-    let at = ((lambda[0] - low) / (high - low) * WAVELENGTHS as f32).clamp(0.0, WAVELENGTHS as f32 - 1e-3);
+    let at = (share_below(lambda[0]).0 * WAVELENGTHS as f32).clamp(0.0, WAVELENGTHS as f32 - 1e-3);
     (((at.fract() * BINS as f32) as usize).min(BINS - 1), at as usize)
 }
 
@@ -281,7 +279,7 @@ fn is_round(model: &FiberModel) -> bool {
 }
 
 impl Tracer for StrandDual<'_> {
-    fn trace(&self, options: &RenderOptions, ray: (Vec3, Vec3, f32), lambda: Light4, rng: &mut Pcg64Mcg) -> Traced {
+    fn trace(&self, options: &RenderOptions, ray: (Vec3, Vec3, f32), lambda: Light4, rng: &mut PathNumbers) -> Traced {
         // The tables have their wavelengths in ascending order.
         let (bin, turn) = bin(lambda);
         let up = std::array::from_fn(|k| lambda[(k + WAVELENGTHS - turn) % WAVELENGTHS]);
@@ -297,7 +295,7 @@ impl StrandDual<'_> {
         options: &RenderOptions,
         (origin, direction, _): (Vec3, Vec3, f32),
         (dual, lambda): (&DualScattering<WAVELENGTHS>, Light4),
-        rng: &mut Pcg64Mcg,
+        rng: &mut PathNumbers,
     ) -> Traced {
         let scene = self.scene;
         let mut flight = Flight::new(origin.as_dvec3(), direction.as_dvec3().normalize());

@@ -10,6 +10,7 @@ use super::scene::StrandScene;
 use super::{Skip, StrandHit, StrandShape};
 use crate::camera::Camera;
 use crate::course::Course;
+use crate::numbers::PathNumbers;
 use crate::path::{RenderOptions, Traced, Tracer, render_by};
 use crate::props::Matte;
 use crate::spectrum::Light4;
@@ -17,7 +18,6 @@ use crate::{Film, Prop, RenderError, StrandTree, WAVELENGTHS};
 use glam::{DVec3, Vec3};
 use plywave::{Bsdf, BsdfSample};
 use rand::RngExt;
-use rand_pcg::Pcg64Mcg;
 use std::sync::atomic::AtomicBool;
 
 /// Largest number of strands that a ray passes; a bound against endless loops, not reached in practice.
@@ -123,7 +123,7 @@ impl Tracer for StrandScene {
         options: &RenderOptions,
         (origin, direction, _): (Vec3, Vec3, f32),
         lambda: Light4,
-        rng: &mut Pcg64Mcg,
+        rng: &mut PathNumbers,
     ) -> Traced {
         let mut flight = Flight::new(origin.as_dvec3(), direction.as_dvec3().normalize());
         let (mut light, mut albedo, mut throughput) = ([0.0; WAVELENGTHS], [0.0; WAVELENGTHS], [1.0f32; WAVELENGTHS]);
@@ -203,7 +203,7 @@ impl Tracer for StrandScene {
 impl StrandScene {
     /// Whether a path scatters where some wavelengths hit and others pass: one of the two groups is followed,
     /// chosen in proportion to its throughput.
-    pub(super) fn choose(&self, met: [bool; WAVELENGTHS], throughput: &mut Light4, rng: &mut Pcg64Mcg) -> bool {
+    pub(super) fn choose(&self, met: [bool; WAVELENGTHS], throughput: &mut Light4, rng: &mut PathNumbers) -> bool {
         let carried = |of: bool| (0..WAVELENGTHS).filter(|k| met[*k] == of).map(|k| throughput[k]).sum::<f32>();
         let (scattered, straight) = (carried(true), carried(false));
         let all = scattered + straight;
@@ -263,7 +263,7 @@ impl StrandScene {
         at: &impl Bsdf<WAVELENGTHS>,
         lambda: Light4,
         throughput: Light4,
-        rng: &mut Pcg64Mcg,
+        rng: &mut PathNumbers,
         light: &mut Light4,
     ) -> BsdfSample<WAVELENGTHS> {
         self.direct(place, at, lambda, throughput, rng, light);
@@ -276,7 +276,7 @@ impl StrandScene {
         at: &impl Bsdf<WAVELENGTHS>,
         lambda: Light4,
         throughput: Light4,
-        rng: &mut Pcg64Mcg,
+        rng: &mut PathNumbers,
         light: &mut Light4,
     ) {
         let Some(source) = self.sources().draw(place.position().as_vec3(), lambda, rng) else { return };
