@@ -17,6 +17,7 @@ mod queries;
 mod query;
 #[doc(hidden)]
 pub mod reference;
+mod relief;
 mod slit;
 mod terms;
 mod two_layers;
@@ -44,3 +45,4 @@ pub use model::PlyModel;
 pub(crate) use on::{UncachedPly, hit_chance};
 pub use queries::Queries;
 pub use query::{PlyQuery, PlyTerms};
+pub use relief::{PlyPlace, Relief};

@@ -305,6 +305,8 @@ typedef struct PlywaveClothOptions {
     int32_t no_shadowing;
     // Not 0: every repeat is as the next. 0: yarns are as uneven as the spec has them.
     int32_t no_uneven;
+    // Not 0: plies are smooth tubes. 0: they show the fibers on their surface.
+    int32_t no_relief;
     // Not 0: footprints count as points. 0: the mean over the cell, if the file has it, serves queries with
     // a footprint.
     int32_t no_far;

@@ -41,6 +41,8 @@ pub struct PlywaveClothOptions {
     pub no_shadowing: i32,
     /// Not 0: every repeat is as the next. 0: yarns are as uneven as the spec has them.
     pub no_uneven: i32,
+    /// Not 0: plies are smooth tubes. 0: they show the fibers on their surface.
+    pub no_relief: i32,
     /// Not 0: footprints count as points. 0: the mean over the cell, if the file has it, serves queries with
     /// a footprint.
     pub no_far: i32,
@@ -98,6 +100,7 @@ fn options_of(of: Option<&PlywaveClothOptions>) -> Checked<ClothOptions> {
         edges: o.no_edges == 0,
         slits: (o.has_slits != 0).then(|| slits(o)).transpose()?,
         uneven: o.no_uneven == 0,
+        relief: o.no_relief == 0,
         far: o.no_far == 0,
     })
 }

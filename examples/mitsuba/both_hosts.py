@@ -51,7 +51,7 @@ def scene(cloth, folder, width):
     matrix = np.eye(4)
     matrix[:3, :] = np.stack([0.5 * side * across, 0.5 * side * np.cross(n, across), n, place], 1)
     radiance = math.pi * float(place @ place) / side**2
-    bsdf = {"type": "plywave_cloth", "filename": str(cloth), "um_per_uv": 1000.0 * SIZE, "sigma_per_um": SIGMA}
+    bsdf = {"type": "plywave_cloth", "filename": str(cloth), "um_per_uv": 1000.0 * SIZE, "sigma_per_um": SIGMA, "footprint_rad": 2.0 * math.tan(0.5 * 0.27) / width}
     film = {"type": "hdrfilm", "width": width, "height": width, "rfilter": {"type": "box"}}
     camera = T().look_at([0, -1.5 * SIZE, 2.0 * SIZE], [0, 0, 0], [0, 1, 0])
     return mi.load_dict(

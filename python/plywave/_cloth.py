@@ -20,7 +20,7 @@ from ._work import run_args
 
 
 def _options(
-    gaps: str, sigma_per_um: Optional[float], noise: bool, layers: bool, shadowing: bool, edges: bool, slits: Optional[Slit], uneven: bool, far: bool
+    gaps: str, sigma_per_um: Optional[float], noise: bool, layers: bool, shadowing: bool, edges: bool, slits: Optional[Slit], uneven: bool, relief: bool, far: bool
 ) -> Dict[str, Any]:
     if slits is not None and not isinstance(slits, Slit):
         raise Error(f"slits: {type(slits).__name__}: give a Slit")
@@ -33,11 +33,12 @@ def _options(
         "edges": bool(edges),
         "slits": None if slits is None else (float(slits.width_um), float(slits.share)),
         "uneven": bool(uneven),
+        "relief": bool(relief),
         "far": bool(far),
     }
 
 
-_USUAL = _options("diffracted", None, False, True, True, True, None, True, True)
+_USUAL = _options("diffracted", None, False, True, True, True, None, True, True, True)
 
 
 def _spec_args(spec: Spec, folder: Optional[PathLike]) -> Dict[str, Any]:
@@ -78,6 +79,7 @@ class Cloth(Document):
         edges: bool = True,
         slits: Optional[Slit] = None,
         uneven: bool = True,
+        relief: bool = True,
         far: bool = True,
         folder: Optional[PathLike] = None,
         progress: Progress = None,
@@ -98,6 +100,7 @@ class Cloth(Document):
             edges: Whether light that passes beside a ply is diffracted at its edge.
             slits: Slits between the fibers of all yarns instead of the spec's, `Slit(width_um, share)`; none for a share of 0. The mean over the cell has no slits.
             uneven: Whether yarns are as uneven as the spec has them; otherwise every repeat is as the next.
+            relief: Whether plies show the fibers on their surface; otherwise they are smooth tubes.
             far: Whether queries with a footprint get the mean over the cell, if it is in the file; otherwise footprints count as points.
             folder: Folder of the files that a text or dict names; by default the current folder.
             progress: `True` for a bar while a cloth is made, or a function of step, unit, done and total.
@@ -106,7 +109,7 @@ class Cloth(Document):
             Error: for a file or a spec that is refused.
             KeyboardInterrupt: when stopped.
         """
-        self._options = _options(gaps, sigma_per_um, noise, layers, shadowing, edges, slits, uneven, far)
+        self._options = _options(gaps, sigma_per_um, noise, layers, shadowing, edges, slits, uneven, relief, far)
         path, _ = text_of(spec, "cloth spec")
         if path is not None and not path.endswith(".toml"):
             self._name = path
@@ -131,10 +134,11 @@ class Cloth(Document):
         edges: bool = True,
         slits: Optional[Slit] = None,
         uneven: bool = True,
+        relief: bool = True,
         far: bool = True,
     ) -> "Cloth":
         """From the bytes of a cloth file; `name` stands for it in messages. The options are those of `Cloth`."""
-        options = _options(gaps, sigma_per_um, noise, layers, shadowing, edges, slits, uneven, far)
+        options = _options(gaps, sigma_per_um, noise, layers, shadowing, edges, slits, uneven, relief, far)
         return cls._of(_plywave.Cloth.from_bytes(bytes(data), name, options), name, options)
 
     @classmethod

@@ -167,6 +167,7 @@ class ClothTables:
         edges: bool = True,
         slits: bool = True,
         uneven: bool = True,
+        relief: bool = True,
         speckle: bool = False,
         far: bool = False,
     ) -> ClothTables: ...

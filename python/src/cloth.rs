@@ -27,6 +27,7 @@ pub(crate) struct ClothArgs {
     edges: bool,
     slits: Option<(f32, f32)>,
     uneven: bool,
+    relief: bool,
     far: bool,
 }
 
@@ -53,6 +54,7 @@ impl ClothArgs {
             edges: self.edges,
             slits: self.slits.map(|(width_um, share)| Slits { width_um, share }),
             uneven: self.uneven,
+            relief: self.relief,
             far: self.far,
         })
     }

@@ -45,7 +45,7 @@ impl ClothTables {
     /// Of a cloth's file, or of its spec (.toml), whose cloth is looked up in the user's cache, or made and
     /// kept there.
     #[new]
-    #[pyo3(signature = (filename, diffracted = true, layers = true, shadowing = true, edges = true, slits = true, uneven = true, speckle = false, far = false))]
+    #[pyo3(signature = (filename, diffracted = true, layers = true, shadowing = true, edges = true, slits = true, uneven = true, relief = true, speckle = false, far = false))]
     #[allow(clippy::fn_params_excessive_bools)]
     fn new(
         py: Python<'_>,
@@ -56,13 +56,14 @@ impl ClothTables {
         edges: bool,
         slits: bool,
         uneven: bool,
+        relief: bool,
         speckle: bool,
         far: bool,
     ) -> PyResult<Self> {
         let gaps = if diffracted { GapLight::Diffracted } else { GapLight::Straight };
         let slits = if slits { None } else { Some(Slits::NONE) };
         let options =
-            ClothOptions { gaps, noise: speckle, layers, shadowing, edges, slits, uneven, far, ..ClothOptions::SMOOTH };
+            ClothOptions { gaps, noise: speckle, layers, shadowing, edges, slits, uneven, relief, far, ..ClothOptions::SMOOTH };
         let load = || -> Result<(ClothModel, Vec<String>), Error> {
             if !filename.ends_with(".toml") {
                 return Ok((ClothModel::load(filename, &options)?, Vec::new()));

@@ -119,11 +119,18 @@ def test_lines_hit_what_they_hit_in_the_library(name, share, file):
 
 @pytest.mark.parametrize(
     "name, keys, share",
-    [*((name, {}, 1e-2) for name in NAMES), ("organza", {"edges": False}, 1e-2), ("hopsack", {"layers": False, "shadowing": False}, 1e-2)],
+    [
+        *((name, {"relief": False}, 1e-2) for name in NAMES),
+        ("organza", {"relief": False, "edges": False}, 1e-2),
+        ("hopsack", {"relief": False, "layers": False, "shadowing": False}, 1e-2),
+        ("jersey", {}, 1.5e-2),
+        ("mixed", {}, 1.5e-2),
+    ],
 )
 def test_cloth_is_the_librarys(name, keys, share, file):
     """f, density and straight light of random places and directions to 1e-3, but for a hundredth of the queries: Newton's steps end in other places within their tolerance, and what is
-    hit at a rim, or counts as followed by another ply, is a choice. The mean is the same to 5e-4."""
+    hit at a rim, or counts as followed by another ply, is a choice. The mean is the same to 5e-4. Highlights
+    of single fibers, a micrometer wide, show more of what differs."""
     at = queries(3)
     f, pdf, straight = library(file(name), **keys).eval_pdf(*at)
     got, density, passes = answers(cloth(file(name), **keys), *at)
@@ -131,7 +138,7 @@ def test_cloth_is_the_librarys(name, keys, share, file):
         error = np.abs(a - b) / np.maximum(np.abs(b), 1e-3)
         print(f"{name}, {what}: beyond 1e-4, 1e-3, 1e-2: {[float((error > e).mean()) for e in (1e-4, 1e-3, 1e-2)]}")
     close("f", got, f, tolerance=1e-3, share=share)
-    close("f", got, f, tolerance=3e-2, share=3e-3)
+    close("f", got, f, tolerance=3e-2, share=5e-3 if keys.get("relief", True) else 3e-3)
     close("pdf", density, pdf, tolerance=1e-3, share=share)
     assert (np.abs(passes - straight) > 1e-3).mean() <= 2e-4
     assert abs(got.mean(dtype=np.float64) / f.mean(dtype=np.float64) - 1.0) < 5e-4
@@ -350,7 +357,8 @@ def hold_gradients_by_scale(name, bsdf, choices, uv, wo, least):
 
 
 def test_gradients_by_the_scale_are_differences(file):
-    bsdf = cloth(file("hopsack"))
+    # Gradients take relief as given.
+    bsdf = cloth(file("hopsack"), relief=False)
     uv = np.random.default_rng(5).uniform(0.0, 0.2 * bsdf.longest_um, (2, QUERIES))
     hold_gradients_by_scale("hopsack", bsdf, choices, uv, (-0.4, 0.1, 0.8), 0.95)
 
@@ -369,7 +377,7 @@ def test_bad_keys_are_told(file, tmp_path):
         ({"filename": jersey, "gaps": "open"}, "gaps: 'open': expected"),
         ({"filename": jersey, "um_per_uv": 0.0}, "um_per_uv: 0.0: expected one or two numbers above 0"),
         ({"filename": jersey, "speckle": True}, "no model of the cloth has speckle noise"),
-        ({"filename": jersey, "footprint_um": 3.0}, "footprint_um: given without far"),
+        ({"filename": jersey, "relief": False, "footprint_um": 3.0}, "footprint_um: given without far and relief"),
         ({"filename": jersey, "far": True, "footprint_um": -1.0}, "footprint_um: -1.0: expected a number that is not negative"),
         ({"filename": jersey, "far": True, "footprint_um": 10.0, "footprint_rad": 0.1}, "footprint_rad: given with footprint_um"),
         ({"filename": jersey, "far": True, "footprint_scale": "wide"}, "footprint_scale: 'wide': expected a number"),
@@ -408,13 +416,13 @@ def test_footprints_are_those_of_rays(file):
     integrator, angle = {"type": "direct", "emitter_samples": 1, "bsdf_samples": 0}, math.radians(1.0 / 16.0)
     # 20 mm away, a pixel is 22 um wide; 2 m away, 2.2 mm. A unit of uv is a fifth of the distance long.
     for distance, is_far in ((0.02, False), (0.22, None), (2.0, True)):
-        at = {"far": True, "um_per_uv": 0.2 * distance * 1e6}
+        at = {"far": True, "relief": False, "um_per_uv": 0.2 * distance * 1e6}
         by_rays, by_angle, points = (cloth(file("organza"), **at, **more) for more in ({}, {"footprint_rad": angle}, {"footprint_rad": angle, "footprint_scale": 0.0}))
         seen = plane(by_angle, distance, integrator)
         ray, _ = seen.sensors()[0].sample_ray_differential(mi.Float([0.0, 0.0]), mi.Float([0.5, 0.5]), mi.Point2f([0.1, 0.7], [0.4, 0.5]), mi.Point2f(0.5))
         si = seen.ray_intersect(mi.Ray3f(ray))
         si.compute_uv_partials(ray)
-        shares = [np.array(bsdf.far_share(si)) for bsdf in (by_rays, by_angle)]
+        shares = [np.array(bsdf.far_share(bsdf.footprint(si))) for bsdf in (by_rays, by_angle)]
         assert np.allclose(*shares, rtol=0.02), shares
         assert np.allclose(shares[0], is_far, atol=1e-6) if is_far is not None else (0.05 < shares[0][0] < 0.95), shares
         if is_far is None:

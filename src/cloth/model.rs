@@ -23,6 +23,7 @@ use super::{Channels, ClothData, ClothSpec, ColorOf, YarnColor};
 use crate::color::AlbedoCurve;
 use crate::fiber::Reflections;
 use crate::gap::{Opening, Slit};
+use crate::ply::PlyPlace;
 use crate::ply::{Prepared, UncachedPly};
 use crate::spec::{GaussianBeam, YarnSpec};
 use crate::speckle::Instance;
@@ -298,6 +299,7 @@ impl ClothModel {
             }
             let ply_query = PlyQuery {
                 instance: self.options.noise.then(|| self.instance(hit, cell)),
+                place: (self.options.relief).then(|| self.place(hit, cell, wo, query.footprint_um)),
                 slit: self.slits[kind].as_ref().filter(|_| !at.is_double),
                 ..PlyQuery::new(theta_i, h_um, sigma, query.lambda_um)
             };
@@ -389,6 +391,16 @@ impl ClothModel {
         let yarn = &self.plies.yarns[self.plies.of_curve[hit.curve as usize] as usize];
         let [i, j] = [0, 1].map(|k| hit.cells[k].wrapping_add(cell[k]));
         yarn.number.wrapping_add(yarn.step[0].wrapping_mul(i)).wrapping_add(yarn.step[1].wrapping_mul(j))
+    }
+
+    /// The place on a ply of a cell that a line towards `wo` leaves.
+    fn place(&self, hit: &LineHit, cell: [i32; 2], wo: [f32; 3], footprint_um: f32) -> PlyPlace {
+        let ply = (self.number(hit, cell) as u32).wrapping_mul(64).wrapping_add(hit.curve);
+        // From the axis over the curve, towards the cloth's face.
+        let [x, y, z] = hit.tangent;
+        let (up, across) = (wo[2] - z * (wo[0] * x + wo[1] * y + wo[2] * z), y * wo[0] - x * wo[1]);
+        let azimuth = across.atan2(up) - self.plies.twist[hit.curve as usize] * hit.parameter;
+        PlyPlace { ply, azimuth, footprint_um }
     }
 
     /// The patterns of a place on a ply of a cell.

@@ -2,11 +2,12 @@
 
 use super::between::CLASSES_A_KIND;
 use super::lines::{ClothLines, LineHit};
-use super::{ClothCurves, ClothYarn, Lattice};
+use super::{ClothCurves, ClothYarn, Lattice, PlyCurve};
 use crate::math::vec3::{cross, dot};
 use crate::spec::YarnSpec;
 use crate::spec::rules::invalid;
 use crate::{PlyModel, Result};
+use std::f64::consts::TAU;
 use std::sync::Arc;
 
 /// Largest difference of a model's radius from its curve's, over it.
@@ -41,6 +42,8 @@ pub struct ClothPlies {
     pub models: Vec<Arc<PlyModel>>,
     /// Radius of the models' plies over that of the curves, by kind.
     pub scale: Vec<f32>,
+    /// Turn of the fibers about each curve for a step of 1 of its parameter [rad]; whole turns in a period.
+    pub(crate) twist: Vec<f32>,
     /// Length of a ply with the same patterns, 2 w0 [um].
     pub(crate) grain_um: f32,
 }
@@ -60,7 +63,7 @@ impl ClothPlies {
             return Err(invalid("cloth", "model", format!("{} models", models.len()), hint));
         }
         let kind_of: Vec<usize> = curves.curves.iter().map(|c| curves.yarns[c.yarn as usize].kind as usize).collect();
-        let (mut scale, mut grain_um) = (Vec::new(), 0.0);
+        let (mut scale, mut twists, mut grain_um) = (Vec::new(), Vec::new(), 0.0);
         for (kind, model) in models.iter().enumerate() {
             let ply = YarnSpec::parse(&model.data().spec_text, "model (its spec)")?;
             let of_curve = curves.curves.iter().zip(&kind_of).find(|(_, k)| **k == kind).map(|(c, _)| c.radius_um);
@@ -72,6 +75,7 @@ impl ClothPlies {
                 return Err(invalid("cloth", "ply.radius_um (of the model)", value, hint));
             }
             scale.push((a / radius_um) as f32);
+            twists.push(ply.ply.twist_per_um());
             grain_um = (2.0 * ply.beam.beam().w0_um) as f32;
         }
         let runs = [0, 1].map(|kind| {
@@ -79,7 +83,12 @@ impl ClothPlies {
             let way = yarn.map_or([1.0, 0.0], |y| lattice.vector(y.period));
             if way[1].abs() > way[0].abs() { Runs::AlongY } else { Runs::AlongX }
         });
+        let twist = |(curve, kind): (&PlyCurve, &usize)| {
+            let turns = (twists[*kind] * curve.length_um(&lattice) / TAU).round();
+            (TAU * turns / curve.control_um.len() as f64) as f32
+        };
         Ok(ClothPlies {
+            twist: curves.curves.iter().zip(&kind_of).map(twist).collect(),
             lines,
             lattice,
             yarns: curves.yarns.clone(),

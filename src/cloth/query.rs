@@ -40,6 +40,8 @@ pub struct ClothOptions {
     /// Speckle: every stretch of a ply as long as the beam's waist is wide has patterns of its own. Models
     /// without noise stay smooth.
     pub noise: bool,
+    /// Plies show the fibers on their surface. Without, they are smooth tubes.
+    pub relief: bool,
     /// The layer below catches what a ply sends on. Without, as a single layer: for comparison (Yu 2025, Fig.
     /// 13).
     pub layers: bool,
@@ -64,6 +66,7 @@ impl ClothOptions {
         gaps: GapLight::Diffracted,
         sigma_per_um: None,
         noise: false,
+        relief: true,
         layers: true,
         shadowing: true,
         edges: true,
@@ -80,6 +83,7 @@ impl ClothOptions {
         edges: false,
         slits: Some(Slits::NONE),
         uneven: false,
+        relief: false,
         ..ClothOptions::SMOOTH
     };
 

@@ -23,6 +23,8 @@
 //! | `piece_curve` | `[pieces]` | curve |
 //! | `curve_of` | `[curves][8]` | kind; first place in `shadow_free` and number of places; number of the yarn and what is added for each cell along the vectors, modulo 2^32; curve; knots |
 //! | `places_per_knot` | `[curves]` | places for a step of 1 of the parameter |
+//! | `twist` | `[curves]` | turn of the fibers for a step of 1 of the parameter [rad] |
+//! | `relief` | `[kinds][6]` | of each model: number of fibers around, 0 where it shows none, radius of their ring, share that is free, radius of a fiber, widths of the bumps of f_refl and f_high (`src/ply/relief.rs`) |
 //! | `kind` | `[kinds][2]` | 1 where yarns run along y, 0 along x; radius of the model's ply over that of the curves |
 //! | `exit_shapes` | `[kinds][3][65][2]` | of each model how light lies across a ply where it leaves: mode and length over R, by kind of light and mean over R, 0 to 0.97 |
 //! | `passed`, `passed_h_um` | `[kinds][16][65]`, `[kinds]` | of each model r_d of lines, summed over offsets from -h to h, over h; latitudes from 0 to a right angle |
@@ -52,7 +54,7 @@ use super::uneven::UnevenKind;
 use crate::PlyModel;
 use crate::color::SPECTRUM_NODES;
 use crate::gap::{EDGES, SPECTRUM_CELLS, Slit, Spectrum};
-use crate::ply::{EXIT_KINDS, ExitShape, PASSED_COLUMNS, PASSED_ROWS};
+use crate::ply::{EXIT_KINDS, ExitShape, PASSED_COLUMNS, PASSED_ROWS, Relief};
 use std::sync::Arc;
 
 /// Numbers of a [`Tensor`].
@@ -102,6 +104,9 @@ impl ClothModel {
         let kinds = self.plies.kinds;
         let (dyes, of_yarns, means) = self.dyes.tables();
         let dyes: Vec<_> = dyes.iter().map(|dye| dye.numbers()).collect();
+        let reliefs = self.plies.models.iter().flat_map(|model| model.relief().map_or([0.0; 6], Relief::numbers));
+        f32s("relief", &[kinds, 6], reliefs.collect());
+        f32s("twist", &[self.plies.twist.len()], self.plies.twist.clone());
         f32s("dye_rgb", &[dyes.len(), 3], dyes.iter().flat_map(|d| d.0).collect());
         f32s("dye_spectrum", &[dyes.len(), SPECTRUM_NODES], dyes.iter().flat_map(|d| d.1).collect());
         f32s("curve", &[curve.len(), 2], curve.iter().flat_map(|(v, value)| [*v as f32, *value as f32]).collect());

@@ -48,6 +48,12 @@ impl PlyModel {
         PlyOn { model: self, query: *query, lobes, speckle: self.speckle(query) }
     }
 
+    /// Factors of the relief in a direction, if the query has a place and the ply shows fibers.
+    #[inline]
+    pub(super) fn relief_at<const N: usize>(&self, query: &PlyQuery<'_, N>, w: [f32; 3]) -> Option<[f32; 2]> {
+        Some(self.relief.as_ref()?.factors(query.place.as_ref()?, query.h_um, w))
+    }
+
     /// The patterns of a query, if it has an instance and the model has noise.
     #[inline(always)]
     fn speckle<'a, const N: usize>(&'a self, query: &PlyQuery<'a, N>) -> Option<Speckle<'a, N>> {

@@ -10,6 +10,8 @@ use super::layers::LayerTables;
 use super::lines::PassedLines;
 use super::queries::Queries;
 use super::query::PlyQuery;
+use super::relief::Relief;
+use crate::spec::YarnSpec;
 use crate::speckle::{Noise, NoiseTiles};
 use crate::{Bsdf, Result};
 use std::path::Path;
@@ -45,6 +47,8 @@ pub struct PlyModel {
     /// Present for a ply lit along single lines.
     passed: Option<PassedLines>,
     pub(super) edge: Option<edge::EdgeTables>,
+    /// Of plies whose spec has fibers to show.
+    pub(super) relief: Option<Relief>,
     /// Made from the noise's spectrum at first use.
     tiles: OnceLock<NoiseTiles>,
 }
@@ -90,6 +94,7 @@ impl PlyModel {
             exits: ExitTables::new(&data),
             passed: None,
             edge,
+            relief: YarnSpec::parse(&data.spec_text, "model (its spec)").ok().and_then(|spec| Relief::of_spec(&spec)),
             tiles: OnceLock::new(),
             data,
             reference_values,
@@ -104,7 +109,7 @@ impl PlyModel {
     /// Errors of the spec in the model, which defines the beam.
     pub fn of_lines(&self) -> Result<PlyModel> {
         let mut data = self.data.clone();
-        let spec = crate::spec::YarnSpec::parse(&data.spec_text, "model (its spec)")?;
+        let spec = YarnSpec::parse(&data.spec_text, "model (its spec)")?;
         data.energies = data.energies.of_lines(spec.beam.beam().sd_um());
         data.bound_layers();
         let (noise, passed) = (self.tiles.clone(), Some(PassedLines::new(&data.energies)));
@@ -173,6 +178,11 @@ impl PlyModel {
     /// shorter than `f`.
     pub fn eval_batch<const N: usize>(&self, queries: &Queries<'_, N>, f: &mut [[f32; N]]) {
         dispatch::run_batch(&self.layout, *queries, f);
+    }
+
+    /// The fibers on the ply's surface, if its spec has a round ply of three fibers or more.
+    pub fn relief(&self) -> Option<&Relief> {
+        self.relief.as_ref()
     }
 
     /// The model's noise tiles, if it has noise. The first call makes them from their spectrum, in a tenth of

@@ -68,16 +68,19 @@ impl<L: Lobes<N>, const N: usize> PlyOn<'_, L, N> {
         Terms { model: self.model, query: &self.query, lobes: &self.lobes }
     }
 
-    /// Sum of the terms with the instance's patterns. The tiles are prefetched before the lobes are summed,
-    /// so that their memory arrives meanwhile.
+    /// Sum of the terms with the instance's patterns and the place's relief. The tiles are prefetched before
+    /// the lobes are summed, so that their memory arrives meanwhile.
     fn speckled(&self, w: [f32; 3], terms: impl FnOnce() -> PlyTerms<N>) -> ([f32; N], f32) {
-        let Some(speckle) = &self.speckle else {
-            let terms = terms();
-            return (terms.sum(), terms.pdf);
-        };
-        let lookup = speckle.look(w);
-        let terms = terms();
-        (terms.sum_speckled(&lookup.factors()), terms.pdf)
+        let lookup = self.speckle.as_ref().map(|speckle| speckle.look(w));
+        let mut terms = terms();
+        if let Some([refl, high]) = self.model.relief_at(&self.query, w) {
+            terms.refl *= refl;
+            terms.high.iter_mut().for_each(|f| *f *= high);
+        }
+        match lookup {
+            Some(lookup) => (terms.sum_speckled(&lookup.factors()), terms.pdf),
+            None => (terms.sum(), terms.pdf),
+        }
     }
 
     /// Light diffracted at the edge is scattered; for plies without edge lobes it goes straight on.
@@ -161,13 +164,17 @@ impl<L: Lobes<N>, const N: usize> Lit<'_, L, N> {
         Some((w, self.light(w, hit, |_| core)))
     }
 
-    /// The result of `of` on the lobes, with the patterns. The tiles are prefetched before the lobes are
-    /// summed, so that their memory arrives meanwhile.
+    /// The result of `of` on the lobes, with the patterns and the relief. The tiles are prefetched before the
+    /// lobes are summed, so that their memory arrives meanwhile.
     #[inline]
     fn light(&self, w: [f32; 3], hit: f32, of: impl FnOnce(&L) -> Core<N>) -> LobeLight<N> {
         let lookup = self.speckle.map(|speckle| speckle.look(w));
         let Core { refl, mut high, pdf, .. } = of(self.lobes);
         let mut refl = [refl; N];
+        if let Some([of_refl, of_high]) = self.model.relief_at(self.query, w) {
+            refl.iter_mut().for_each(|f| *f *= of_refl);
+            high.iter_mut().for_each(|f| *f *= of_high);
+        }
         if let Some(lookup) = lookup {
             let (of_refl, of_high) = lookup.factors();
             for k in 0..N {
@@ -242,8 +249,8 @@ impl<L: Lobes<N>, const N: usize> Bsdf<N> for PlyOn<'_, L, N> {
     }
 
     fn eval_batch(&self, w: &[[f32; 3]], f: &mut [[f32; N]], pdf: &mut [f32]) {
-        let PlyQuery { theta_i, h_um, sigma_per_um, slit, .. } = self.query;
-        if self.has_edge() || slit.is_some() || self.speckle.is_some() {
+        let PlyQuery { theta_i, h_um, sigma_per_um, slit, place, .. } = self.query;
+        if self.has_edge() || slit.is_some() || place.is_some() || self.speckle.is_some() {
             for ((w, f), pdf) in w.iter().zip(f).zip(pdf) {
                 (*f, *pdf) = self.eval_pdf(*w);
             }

@@ -1,6 +1,7 @@
 //! A query of a ply, and the terms of its scattering function.
 
 use super::layers::Layer;
+use super::relief::PlyPlace;
 use crate::gap::Slit;
 use crate::speckle::Instance;
 
@@ -39,6 +40,9 @@ pub struct PlyQuery<'a, const N: usize> {
     /// same for a model without noise. Sampling and albedo are those of the smooth model, the mean over
     /// instances.
     pub instance: Option<Instance>,
+    /// Place on the ply, for its relief: factors of mean 1 on f_refl and f_high, as fibers lie on its
+    /// surface. `None` for the mean over places. Sampling and albedo are those of the mean.
+    pub place: Option<PlyPlace>,
     /// A second layer of yarns below (Yu 2025, 5.4), from [`PlyModel::layer`] of its model. Has no effect in
     /// a model without layer factors.
     pub below: Option<Layer<N>>,
@@ -58,6 +62,7 @@ impl<const N: usize> PlyQuery<'_, N> {
             edge: true,
             slit: None,
             instance: None,
+            place: None,
             below: None,
             cached: true,
         }

@@ -2,6 +2,7 @@
 
 mod cloth;
 mod cloth_query;
+mod cloth_relief;
 mod cloth_slits;
 mod cloth_spec;
 mod cloth_uneven;

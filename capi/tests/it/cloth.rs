@@ -194,6 +194,7 @@ fn options_and_cloths_of_one_kind_of_yarn() {
         no_layers: 1,
         no_shadowing: 1,
         no_uneven: 1,
+        no_relief: 1,
         no_far: 1,
         has_sigma: 1,
         sigma_per_um: 0.002,
@@ -211,6 +212,7 @@ fn options_and_cloths_of_one_kind_of_yarn() {
         shadowing: false,
         edges: false,
         uneven: false,
+        relief: false,
         slits: Some(Slits { width_um: 0.6, share: 0.3 }),
         ..ClothOptions::default()
     };

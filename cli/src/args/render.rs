@@ -125,7 +125,8 @@ pub struct RenderArgs {
     pub slit_share: Option<f64>,
     /// Leave parts of the model out, for comparison: `layers` (yarns of the layer below block no light),
     /// `shadowing` (neighboring yarns block no light), `edges` (light at a ply's edge goes straight on),
-    /// `slits` (those of the spec), `uneven` (yarns are even), `far` (the mean over the cell).
+    /// `slits` (those of the spec), `uneven` (yarns are even), `relief` (plies are smooth tubes), `far` (the
+    /// mean over the cell).
     #[arg(long, value_name = "PART", num_args = 1, value_delimiter = ',', value_enum)]
     pub without: Vec<ClothPart>,
     /// Exposure of the PNG in stops; positive is brighter.
@@ -155,6 +156,8 @@ pub enum ClothPart {
     Slits,
     /// Unevenness of yarns.
     Uneven,
+    /// Fibers on the surface of plies.
+    Relief,
     /// The mean over the cell, for pixels that cover half of it or more.
     Far,
 }

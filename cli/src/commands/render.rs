@@ -59,6 +59,7 @@ pub fn run(cli: &Cli, args: &RenderArgs) -> Outcome {
         shadowing: !without(ClothPart::Shadowing),
         edges: !without(ClothPart::Edges),
         slits: slits(args)?,
+        relief: !without(ClothPart::Relief),
         uneven: !without(ClothPart::Uneven),
         far: !without(ClothPart::Far),
     };

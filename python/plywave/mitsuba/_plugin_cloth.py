@@ -12,12 +12,13 @@ from ._curves import Curves
 from ._far import Far
 from ._gaps import Gaps, Slits
 from ._kit import Kit, clamp, cross3, detached, dot3
+from ._relief import Relief
 from ._speckle import Speckle
 
 #: ``BSDFFlags::NeedsDifferentials`` of Mitsuba's bsdf.h, which its Python enumeration lacks.
 NEEDS_DIFFERENTIALS = 0x20000
 #: Switches and their defaults.
-SWITCHES = {"layers": True, "shadowing": True, "edges": True, "slits": True, "uneven": True, "speckle": False, "far": False}
+SWITCHES = {"layers": True, "shadowing": True, "edges": True, "slits": True, "uneven": True, "relief": True, "speckle": False, "far": False}
 YARNS = ("warp_", "weft_")
 COLORS = ("color", "sigma_per_um")
 KEYS = {"filename", "um_per_uv", "rotation_deg", "to_uv", "footprint_um", "footprint_rad", "footprint_scale", "id", "gaps"}
@@ -44,7 +45,7 @@ def define(Calls):
             filename = typed(name, props, "filename", str, None)
             if filename is None:
                 raise ValueError(f"{name}: filename: give a cloth file (.pwc), made with `plywave weave SPEC -o CLOTH.pwc`, or a cloth spec (.toml)")
-            self.read_footprint(props, on["far"])
+            self.read_footprint(props, on["far"] or on["relief"])
             tables = _native.ClothTables(str(mi.file_resolver().resolve(filename)), gaps == "diffracted", **on)
             for note in tables.notes():
                 mi.Log(mi.LogLevel.Info, f"{name}: {note}")
@@ -55,6 +56,8 @@ def define(Calls):
             self.speckle = Speckle(kit, tensors["noise"]) if on["speckle"] else None
             if self.speckle is not None and not self.speckle.some:
                 raise ValueError(f"{name}: speckle: true: no model of the cloth has speckle noise; add it with `plywave noise`")
+            relief = Relief(kit, tensors) if on["relief"] else None
+            self.relief = relief if relief is not None and relief.some else None
             if on["far"] and "far_f" not in tensors:
                 raise ValueError(f"{name}: far: true: the cloth file has no far view: make it anew with `plywave weave`")
             self.far = Far(kit, tensors, self.cloth, self.cloth.along_y) if on["far"] else None
@@ -71,10 +74,10 @@ def define(Calls):
                 components = [c | NEEDS_DIFFERENTIALS for c in components]
             self.setup(components)
 
-        def read_footprint(self, props, far):
-            """The keys of the far view."""
+        def read_footprint(self, props, used):
+            """The keys of the far view and of relief."""
             name = self.PLUGIN
-            footprint = [self.length(props, f"footprint_{key}", far) for key in ("um", "rad", "scale")]
+            footprint = [self.length(props, f"footprint_{key}", used) for key in ("um", "rad", "scale")]
             if self.kit.jit:
                 # Memory, not constants of the kernel, which other values would compile anew.
                 footprint = [None if x is None else dr.opaque(mi.Float, x) for x in footprint]
@@ -123,14 +126,14 @@ def define(Calls):
             self.textures = {key: value for key, value in made.items() if value is not None}
             self.colors, self.sigmas = ([self.textures.get(f"{yarn}{what}") for yarn in given] for what in COLORS)
 
-        def length(self, props, key, far):
-            """A number of the far view, at least 0."""
+        def length(self, props, key, used):
+            """A footprint's number, at least 0."""
             name = self.PLUGIN
             value = typed(name, props, key, float, None)
             if value is None:
                 return None
-            if not far:
-                raise ValueError(f"{name}: {key}: given without far: set far to true")
+            if not used:
+                raise ValueError(f"{name}: {key}: given without far and relief: set one of them to true")
             if not (math.isfinite(value) and value >= 0.0):
                 raise ValueError(f"{name}: {key}: {value}: expected a number that is not negative")
             return value
@@ -206,9 +209,9 @@ def define(Calls):
             (a, b, _), (c, d, _) = self.to_uv
             return abs(a * d - b * c)
 
-        def far_share(self, si):
-            """Share of the mean over the cell in the answer (``ClothModel::far_at``): by the footprint that is given, that of a pixel's angle and the length of the ray, or
-            that of the ray's differentials. A footprint is the geometric mean of the axes of the ellipse that it has on the cloth."""
+        def footprint(self, si):
+            """Diameter of the part of the cloth that a point stands for [um]: the footprint that is given, that of a pixel's angle and the length of the ray, that of the ray's
+            differentials where the mean over the cell needs them, or else 0. It is the geometric mean of the axes of the ellipse that it has on the cloth."""
             kit, scale = self.kit, 1.0 if self.footprint_scale is None else self.footprint_scale
             footprint = self.footprint_um
             if self.footprint_rad is not None:
@@ -218,12 +221,19 @@ def define(Calls):
                 um2_per_uv = dr.abs(self.um_per_uv.x * self.um_per_uv.y) * self.scale_of_uv()
                 squared = si.t * si.t * um2_per_uv / dr.maximum(per_uv, 1e-30)
                 footprint = self.footprint_rad * dr.sqrt(dr.detach(squared) if kit.jit else squared)
+            elif footprint is None and self.far is None:
+                footprint = kit.float(0.0)
             elif footprint is None:
                 (a, b), (c, d) = ((1.0, 0.0), (0.0, 1.0)) if self.to_uv is None else (row[:2] for row in self.to_uv)
                 x, y = ([a * v.x + b * v.y, c * v.x + d * v.y] for v in (si.duv_dx, si.duv_dy))
                 area = (x[0] * y[1] - x[1] * y[0]) * self.um_per_uv.x * self.um_per_uv.y
                 footprint = dr.sqrt(dr.abs(dr.detach(area) if kit.jit else area))
-            t = clamp(scale * footprint * (2.0 / self.longest_um) - 1.0, 0.0, 1.0)
+            return scale * footprint
+
+        def far_share(self, footprint):
+            """Share of the mean over the cell in the answer (``ClothModel::far_at``)."""
+            kit = self.kit
+            t = clamp(footprint * (2.0 / self.longest_um) - 1.0, 0.0, 1.0)
             # Not a number is no footprint.
             return kit.float(dr.select(t > 0.0, t * t * (3.0 - 2.0 * t), 0.0))
 

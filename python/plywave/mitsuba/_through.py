@@ -50,9 +50,9 @@ def walk(self, si, active):
     """Follows the line of ``si.wi`` through the cloth."""
     kit, cloth = self.kit, self.cloth
     own = self.own_sigmas(si, active)
-    share = None
+    share, footprint = None, self.footprint(si)
     if self.far is not None:
-        share = self.far_share(si)
+        share = self.far_share(footprint)
         active = kit.both(active, share < 1.0)
     detach = dr.detach if kit.jit else (lambda x: x)
     wo = [detach(x) for x in self.to_pattern(si, si.wi)]
@@ -158,6 +158,7 @@ def walk(self, si, active):
         "corner": corner,
         "is_double": is_double,
         "far_share": share,
+        "footprint": footprint,
     }
 
 
