@@ -117,7 +117,7 @@ fn slits_keep_the_energy_of_a_point() {
 #[ignore = "slow: 15 s: clear cloth with slits is white"]
 fn clear_cloth_with_slits_is_white() {
     const PLACES: usize = 40_000;
-    let clear = ClothOptions { sigma_per_um: Some(0.0), ..ClothOptions::SMOOTH };
+    let clear = ClothOptions { sigma_per_um: Some(0.0), relief: false, ..ClothOptions::SMOOTH };
     for (slits, most) in [(None, 0.005), (with(2.0, SLIT_SHARE), 0.015), (with(2.0, 1.0), 0.05)] {
         let cloth = open("", &ClothOptions { slits, ..clear });
         for z in [1.0f32, 0.7, 0.4] {

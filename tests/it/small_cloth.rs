@@ -14,8 +14,8 @@ const RADIUS_UM: f64 = 50.0;
 pub const SPACING_UM: f64 = 190.0;
 /// Side of the square cell [um].
 pub const CELL_UM: f32 = 2.0 * SPACING_UM as f32;
-/// Each yarn alone, without inter-yarn scattering.
-pub const ALONE: ClothOptions = ClothOptions { layers: false, shadowing: false, ..ClothOptions::SMOOTH };
+/// Each yarn alone, without inter-yarn scattering, smooth, so that each point keeps all light.
+pub const ALONE: ClothOptions = ClothOptions { layers: false, shadowing: false, relief: false, ..ClothOptions::SMOOTH };
 
 pub fn model(name: &str) -> Arc<PlyModel> {
     let bytes: &[u8] = match name {
