@@ -101,7 +101,7 @@ class Cloth(Document):
             slits: Slits between the fibers of all yarns instead of the spec's, `Slit(width_um, share)`; none for a share of 0. The mean over the cell has no slits.
             uneven: Whether yarns are as uneven as the spec has them; otherwise every repeat is as the next.
             relief: Whether plies show the fibers on their surface; otherwise they are smooth tubes.
-            far: Whether queries with a footprint get the mean over the cell, if it is in the file; otherwise footprints count as points.
+            far: Whether queries with a footprint get the mean over the cell, if it is in the file; otherwise they blur relief alone.
             folder: Folder of the files that a text or dict names; by default the current folder.
             progress: `True` for a bar while a cloth is made, or a function of step, unit, done and total.
 

@@ -177,8 +177,8 @@ def test_footprints_give_the_mean_over_the_cell(jersey, pwc):
     points, far = jersey.eval(at, wo, wi), jersey.eval(at, wo, wi, footprint_um=5000.0)
     assert np.ptp(far, axis=0).max() < 1e-6 < np.ptp(points, axis=0).max()
     assert np.allclose(points.mean(0), far[0], rtol=0.15), (points.mean(0), far[0])
-    near = plywave.Cloth(pwc, far=False)
-    assert not near.has_far and (near.eval(at, wo, wi, footprint_um=5000.0) == points).all()
+    near = plywave.Cloth(pwc, far=False, relief=False)
+    assert not near.has_far and (near.eval(at, wo, wi, footprint_um=5000.0) == near.eval(at, wo, wi)).all()
 
 
 def test_options_change_what_they_should(jersey, pwc):

@@ -56,7 +56,7 @@ pub struct ClothOptions {
     /// Yarns are as uneven as the spec has them. Without, every repeat is as the next.
     pub uneven: bool,
     /// Queries with a footprint ([`ClothQuery::footprint_um`]) get the mean over the cell, if the cloth file
-    /// has it. Without, footprints count as points.
+    /// has it. Without, footprints blur relief alone.
     pub far: bool,
 }
 
