@@ -307,8 +307,8 @@ typedef struct PlywaveClothOptions {
     int32_t no_uneven;
     // Not 0: plies are smooth tubes. 0: they show the fibers on their surface.
     int32_t no_relief;
-    // Not 0: footprints blur relief alone. 0: the mean over the cell, if the file has it, serves queries with
-    // a footprint.
+    // Not 0: footprints blur relief alone. 0: the mean over the cell, if the file has it, serves queries
+    // with a footprint.
     int32_t no_far;
     // Not 0: `sigma_per_um` overrides all colors.
     int32_t has_sigma;

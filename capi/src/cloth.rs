@@ -43,8 +43,8 @@ pub struct PlywaveClothOptions {
     pub no_uneven: i32,
     /// Not 0: plies are smooth tubes. 0: they show the fibers on their surface.
     pub no_relief: i32,
-    /// Not 0: footprints blur relief alone. 0: the mean over the cell, if the file has it, serves queries with
-    /// a footprint.
+    /// Not 0: footprints blur relief alone. 0: the mean over the cell, if the file has it, serves queries
+    /// with a footprint.
     pub no_far: i32,
     /// Not 0: `sigma_per_um` overrides all colors.
     pub has_sigma: i32,
