@@ -62,8 +62,18 @@ impl ClothTables {
     ) -> PyResult<Self> {
         let gaps = if diffracted { GapLight::Diffracted } else { GapLight::Straight };
         let slits = if slits { None } else { Some(Slits::NONE) };
-        let options =
-            ClothOptions { gaps, noise: speckle, layers, shadowing, edges, slits, uneven, relief, far, ..ClothOptions::SMOOTH };
+        let options = ClothOptions {
+            gaps,
+            noise: speckle,
+            layers,
+            shadowing,
+            edges,
+            slits,
+            uneven,
+            relief,
+            far,
+            ..ClothOptions::SMOOTH
+        };
         let load = || -> Result<(ClothModel, Vec<String>), Error> {
             if !filename.ends_with(".toml") {
                 return Ok((ClothModel::load(filename, &options)?, Vec::new()));
