@@ -17,14 +17,9 @@ const EVEN: f64 = 0.1;
 /// A value at each wavelength of a path.
 pub(crate) type Light4 = [f32; WAVELENGTHS];
 
-/// The distribution of wavelengths: at the nodes, its density [1/um] and the share below; both are linear
-/// between them, as near as is needed: densities are those of the linear shares.
-struct Shares {
-    below: [f32; NODES],
-}
-
-fn shares() -> &'static Shares {
-    static SHARES: OnceLock<Shares> = OnceLock::new();
+/// The share of wavelengths below each node, linear between them.
+fn shares() -> &'static [f32; NODES] {
+    static SHARES: OnceLock<[f32; NODES]> = OnceLock::new();
     SHARES.get_or_init(|| {
         let [low, high] = LAMBDA_RANGE_UM.map(f64::from);
         let seen = |at: f64| color::d65_xyz_density(low + (high - low) * at / (NODES - 1) as f64).iter().sum::<f64>();
@@ -34,13 +29,13 @@ fn shares() -> &'static Shares {
         }
         let all = sums[NODES - 1];
         let below = |node: usize| EVEN * node as f64 / (NODES - 1) as f64 + (1.0 - EVEN) * sums[node] / all;
-        Shares { below: std::array::from_fn(|node| below(node) as f32) }
+        std::array::from_fn(|node| below(node) as f32)
     })
 }
 
 /// The wavelength [um] with this share of wavelengths below it.
 pub(crate) fn lambda_at(share: f32) -> f32 {
-    let below = &shares().below;
+    let below = shares();
     let node = below.partition_point(|b| *b <= share).clamp(1, NODES - 1);
     let part = ((share - below[node - 1]) / (below[node] - below[node - 1])).clamp(0.0, 1.0);
     let [low, high] = LAMBDA_RANGE_UM;
@@ -49,7 +44,7 @@ pub(crate) fn lambda_at(share: f32) -> f32 {
 
 /// The share of wavelengths below one, and their density there [1/um].
 pub(crate) fn share_below(lambda_um: f32) -> (f32, f32) {
-    let (below, [low, high]) = (&shares().below, LAMBDA_RANGE_UM);
+    let (below, [low, high]) = (shares(), LAMBDA_RANGE_UM);
     let at = ((lambda_um - low) / (high - low)).clamp(0.0, 1.0) * (NODES - 1) as f32;
     let node = (at as usize).min(NODES - 2);
     let rise = below[node + 1] - below[node];

@@ -94,6 +94,11 @@ impl Relief {
         })
     }
 
+    /// Mean number of highlights that a viewer at the lamp sees.
+    pub fn highlights(&self) -> f32 {
+        0.5 * self.count * self.free
+    }
+
     /// Count, ring, free share, radius of a fiber and widths, for hosts with kernels of their own.
     pub(crate) fn numbers(&self) -> [f32; 6] {
         let [refl, high] = self.width_um;

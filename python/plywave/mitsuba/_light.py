@@ -6,7 +6,7 @@ so that each ply is interpolated once; one of them is drawn for a sample.
 
 import drjit as dr
 
-from ._kit import dot3
+from ._kit import detached, dot3
 from ._ply import clear_share, exit_lines
 from ._speckle import instance
 from ._tables import MAX_NEAR
@@ -91,13 +91,14 @@ def plies_light(self, si, at, directions):
             patterns = instance(kit, ply, along, across, cloth.grain)
         if self.relief is not None:
             ply, _, _ = cloth.pattern_of(hit, at)
-            place = self.relief.place(ply, {key: detach_all(detach, hit[key]) for key in ("frame", "curve", "parameter")}, [detach(x) for x in at["wo"]], detach(at["footprint"]))
+            where = {key: detached(hit[key]) for key in ("frame", "curve", "parameter")}
+            place = self.relief.place(ply, where, detached(at["wo"]), detached(at["footprint"]))
         for n, (v, (refl, high, of_slit, density)) in enumerate(zip(towards, lights)):
             if self.speckle is not None:
                 factors = self.speckle.factors(model, patterns, dr.sin(theta_i), v, self.lambda_um(si))
                 refl, high = refl * factors[0], high * factors[1]
             if self.relief is not None:
-                factors = self.relief.factors(hit["kind"], place, detach(h), [detach(x) for x in v])
+                factors = self.relief.factors(hit["kind"], place, detached(h), detached(v))
                 refl, high = refl * factors[0], high * factors[1]
             free = cloth.free(hit, model, exit_lines(exits, v), arounds[n], counts[n])
             light = free[0] * refl + (free[2] + share * (free[1] - free[2])) * (high + of_slit)
@@ -133,8 +134,3 @@ def entry(values, i):
     for n in range(1, len(values)):
         value = dr.select(i == n, values[n], value)
     return value
-
-
-def detach_all(detach, value):
-    """A number, or lists of them, without gradients."""
-    return [detach_all(detach, x) for x in value] if isinstance(value, (list, tuple)) else detach(value)

@@ -9,6 +9,7 @@
 //! the axis, over R; and the distance in x of two neighbors over that of evenly spread ones: mean and
 //! standard deviation over the mean.
 
+use plywave::ply::Relief;
 use plywave::spec::YarnSpec;
 use plywave_sim::PlySection;
 use std::f64::consts::{PI, TAU};
@@ -21,7 +22,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         let spec = YarnSpec::parse(&std::fs::read_to_string(&file)?, &file)?;
         let r = (spec.fiber_area_um2() / PI).sqrt();
         let ply = spec.ply_radii_um()[0];
-        println!("{}: {} fibers of {r:.2} um in {ply:.1} um", spec.name, spec.ply.fibers);
+        let rule = Relief::of_spec(&spec).map_or(0.0, |relief| relief.highlights());
+        println!("{}: {} fibers of {r:.2} um in {ply:.1} um; by relief's rules {rule:.1}", spec.name, spec.ply.fibers);
         let sections: Vec<PlySection> =
             (0..SECTIONS).filter_map(|seed| PlySection::generate(&spec, seed).ok()).collect();
         for alpha_deg in [0.0f64, 40.0, 80.0, 120.0, 160.0] {
