@@ -71,26 +71,33 @@ fn clear_cloths_lose_no_light() {
 }
 
 #[test]
-#[ignore = "slow: 15 s: every case of the beam is a scattering function"]
+#[ignore = "slow: 30 s: every case of the beam is a scattering function"]
 fn every_case_of_the_beam_is_a_scattering_function() {
-    let cloth = cloth(&OPEN, &ClothOptions { sigma_per_um: Some(0.002), ..ClothOptions::default() });
+    let options = ClothOptions { sigma_per_um: Some(0.002), ..ClothOptions::default() };
+    let (relief, plain) = (cloth(&OPEN, &options), cloth(&OPEN, &ClothOptions { relief: false, ..options }));
     let mut rng = Pcg64Mcg::seed_from_u64(5);
     let (mut checked, mut least, mut furnace) = ([0; 3], 1.0f64, [0.0f64; 3]);
     while checked.iter().sum::<i32>() < 18 {
-        let at: ClothBsdf<'_, 4> = cloth.at(&ClothQuery::new(place(&mut rng), viewer(&mut rng), LAMBDA));
+        let query = ClothQuery::new(place(&mut rng), viewer(&mut rng), LAMBDA);
+        let at: ClothBsdf<'_, 4> = plain.at(&query);
         let case = if at.is_gap() { 0 } else { 1 + usize::from(at.is_double()) };
         if checked[case] >= 6 {
             continue;
         }
         checked[case] += 1;
-        // Panels of the integrals: with two thirds of the width the p-values are the same to 0.02.
-        let r = check_bsdf(&at, [0.009, 0.018], 20_000, &mut || rng.random());
-        least = least.min(r.chi2_p);
-        furnace[case] = furnace[case].max(r.furnace_error);
-        assert!(r.weight_error < 1e-3, "case {case}: {r:?}");
+        for (at, has_relief) in [(at, false), (relief.at(&query), true)] {
+            // Panels of the integrals: with two thirds of the width the p-values are the same to 0.02.
+            let r = check_bsdf(&at, [0.009, 0.018], 20_000, &mut || rng.random());
+            least = least.min(r.chi2_p);
+            assert!(r.weight_error < 1e-3, "case {case}, relief {has_relief}: {r:?}");
+            // Relief keeps the energy of a ply, not that of each of its points.
+            if !has_relief {
+                furnace[case] = furnace[case].max(r.furnace_error);
+            }
+        }
     }
     println!("gap, one layer, two: {checked:?}; least p-value {least:.4}, furnace within {furnace:.4?}");
-    assert!(least > 0.01 / 18.0, "least p-value {least}");
+    assert!(least > 0.01 / 36.0, "least p-value {least}");
     // For light that other yarns stop, a point's albedo uses the mean over positions.
     assert!(furnace.iter().all(|f| *f < 0.17), "furnace {furnace:?}");
 }
