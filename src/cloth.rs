@@ -9,6 +9,7 @@ mod between;
 mod brightness;
 mod bsdf;
 mod color_of;
+mod cones;
 mod curves;
 mod draft;
 mod dye;
@@ -67,6 +68,7 @@ pub mod making {
     };
     pub use super::brightness::albedo;
     pub use super::color_of::NODES as ALBEDO_NODES;
+    pub use super::cones::{Cone, NORMS};
     pub use super::far::FarData;
     pub use super::far_views::{FarView, far_view};
     pub use super::plies::{ClothPlies, class, frame, start};

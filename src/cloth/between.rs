@@ -20,9 +20,13 @@
 //! is transmitted, E(b) is the energy of light from b transmitted the other way. (Kulla and Conty 2017 give
 //! microfacets their missing energy in this form.)
 
+use super::cones::{Cone, ConeAt};
+use super::plies::Runs;
 use super::splines;
+use crate::math::clamp_unit;
 use crate::math::simd::{max, min};
 use multiversion::multiversion;
+use std::f32::consts::{PI, TAU};
 
 /// Nodes of absorption, those of the mean over the repeat: between them energies are linear in v = 1 / (1 +
 /// sigma L), L this length [um], some paths through a ply. Nodes even in v end at 0.04 and 3 per um, and deep
@@ -52,6 +56,11 @@ pub struct Side {
     pub caught: Vec<splines::Several<SIGMAS>>,
     /// `[class][sent up, down][leaves up, down][pair]`: what leaves the cloth, per energy that is caught.
     pub leaves: Vec<Few>,
+    /// `[class][sent up, down][leaves up, down]`, by absorption of the class's kind: what of that only yarns of
+    /// that kind have scattered.
+    pub parallel: Vec<[Few; SIGMAS]>,
+    /// `[kind][leaves up, down]`: cones of that light.
+    pub cones: [[Cone; 2]; 2],
     /// `[leaves up, down][pair]`: the mean over classes, divided by the integral of its cosine-weighted
     /// values.
     pub shape: Vec<Poly>,
@@ -62,6 +71,8 @@ pub struct Side {
 pub struct InterYarn {
     /// The face and the back.
     pub sides: [Side; 2],
+    /// How yarns run, by kind.
+    pub(crate) runs: [Runs; 2],
 }
 
 /// v of the nodes; the last one stands for infinite absorption.
@@ -125,11 +136,19 @@ pub fn dot<const T: usize>(a: &[f32; T], b: &[f32; T]) -> f32 {
 }
 
 impl InterYarn {
+    /// Of its sides, of yarns whose warp runs along y.
+    pub fn new(sides: [Side; 2]) -> InterYarn {
+        InterYarn { sides, runs: [Runs::AlongY, Runs::AlongX] }
+    }
+
     pub(crate) fn memory_bytes(&self) -> usize {
         self.sides
             .iter()
             .map(|s| {
-                size_of_val(s.caught.as_slice()) + size_of_val(s.leaves.as_slice()) + size_of_val(s.shape.as_slice())
+                size_of_val(s.caught.as_slice())
+                    + size_of_val(s.leaves.as_slice())
+                    + size_of_val(s.parallel.as_slice())
+                    + size_of_val(s.shape.as_slice())
             })
             .sum()
     }
@@ -148,7 +167,10 @@ impl InterYarn {
         for (class, energy) in firsts {
             (0..N).for_each(|k| classes[*class][k] += energy[k]);
         }
-        light(&self.sides[usize::from(a[2] < 0.0)], a, &classes, sigma_per_um, sent)
+        let side = usize::from(a[2] < 0.0);
+        let mut at = light(&self.sides[side], a, &classes, sigma_per_um, sent);
+        at.set_cones(self, a, side);
+        at
     }
 }
 
@@ -195,6 +217,7 @@ fn light<'a, const N: usize>(
         ];
     }
     let leaves = side.leaves.as_chunks::<PAIRS>().0.as_chunks::<2>().0.as_chunks::<2>().0;
+    let parallel = side.parallel.as_chunks::<2>().0.as_chunks::<2>().0;
     for (class, energy) in classes.iter().enumerate() {
         let mut any = 0.0f32;
         for e in energy {
@@ -203,18 +226,19 @@ fn light<'a, const N: usize>(
         if any <= 0.0 {
             continue;
         }
-        let (Some(leaves), Some(functions)) =
-            (leaves.get(class), side.caught.get(3 * class..).and_then(|of| of.first_chunk::<3>()))
+        let functions = side.caught.get(3 * class..).and_then(|of| of.first_chunk::<3>());
+        let (Some(leaves), Some(parallel), Some(functions)) = (leaves.get(class), parallel.get(class), functions)
         else {
             continue;
         };
+        let kind = class / CLASSES_A_KIND;
         let mut what = [[0.0; SIGMAS]; 3];
         for (what, of) in what.iter_mut().zip(functions) {
             place.add(of, what);
         }
         let mut caught = [[0.0; N]; 2];
         for k in 0..N {
-            let (own, u) = nodes[class / CLASSES_A_KIND][k];
+            let (own, u) = nodes[kind][k];
             let mut of = [0.0; 3];
             for i in 0..3 {
                 of[i] = (1.0 - u) * what[i][own % SIGMAS] + u * what[i][(own + 1) % SIGMAS];
@@ -234,13 +258,25 @@ fn light<'a, const N: usize>(
             for half in 0..2 {
                 for k in 0..N {
                     let mixed = mixed(&leaves[cause][half], &at.corners[k]);
-                    at.energy[half][k] += caught[cause][k] * min(max(dot(&mixed, &few), 0.0), 1.0);
+                    let all = min(max(dot(&mixed, &few), 0.0), 1.0);
+                    let (own, u) = nodes[kind][k];
+                    let [low, high] = [own, own + 1].map(|own| dot(&parallel[cause][half][own % SIGMAS], &few));
+                    at.energy[half][k] += caught[cause][k] * all;
+                    at.parallel[kind][half][k] += caught[cause][k] * min(max(low + u * (high - low), 0.0), all);
                 }
             }
         }
     }
-    for energy in at.energy.as_flattened_mut() {
-        *energy = max(*energy, 0.0);
+    // Caught light can be less than nothing.
+    for half in 0..2 {
+        for k in 0..N {
+            let mut rest = max(at.energy[half][k], 0.0);
+            at.energy[half][k] = rest;
+            for kind in 0..2 {
+                at.parallel[kind][half][k] = min(max(at.parallel[kind][half][k], 0.0), rest);
+                rest -= at.parallel[kind][half][k];
+            }
+        }
     }
     at
 }
@@ -264,34 +300,51 @@ pub(crate) struct BetweenAt<'a, const N: usize> {
     up_sign: f32,
     /// `[leaves up, down]`.
     pub energy: [[f32; N]; 2],
+    /// `[kind][leaves up, down]`: of that, what yarns of the kind alone have scattered.
+    parallel: [[[f32; N]; 2]; 2],
     /// What other yarns catch of the first ply's light.
     pub caught: [f32; N],
+    /// `[kind][leaves up, down]`: cones, and shares of the samples.
+    cones: [[Option<(ConeAt<'a>, f32)>; 2]; 2],
     /// `[leaves up, down][pair]`, of which each wavelength has a mean.
     shapes: Option<&'a [[Poly; PAIRS]; 2]>,
     corners: [Corners; N],
 }
 
-impl<const N: usize> BetweenAt<'_, N> {
+impl<'a, const N: usize> BetweenAt<'a, N> {
     /// No light, of a beam from `a`.
     #[inline(always)]
     pub(crate) fn none(a: [f32; 3]) -> Self {
         BetweenAt {
             up_sign: if a[2] < 0.0 { -1.0 } else { 1.0 },
             energy: [[0.0; N]; 2],
+            parallel: [[[0.0; N]; 2]; 2],
             caught: [0.0; N],
+            cones: [[None; 2]; 2],
             shapes: None,
             corners: [[(0, 0.0); 4]; N],
         }
     }
 
-    /// Sign of z of the half that the light comes from.
-    pub(crate) fn up_sign(&self) -> f32 {
-        self.up_sign
+    /// Cones of the light that only yarns of one kind have scattered.
+    #[inline]
+    fn set_cones(&mut self, of: &'a InterYarn, a: [f32; 3], side: usize) {
+        for kind in 0..2 {
+            let axis = of.runs[kind].axis();
+            for half in 0..2 {
+                let own: f32 = self.parallel[kind][half].iter().sum();
+                if own > 0.0 {
+                    let [from, back] = [side, side ^ half].map(|side| &of.sides[side].cones[kind][half]);
+                    let share = own / self.energy[half].iter().sum::<f32>();
+                    self.cones[kind][half] = Some((ConeAt::new(axis, a, from, back), share));
+                }
+            }
+        }
     }
 
-    /// Whether a direction lies in that half.
+    /// Whether a direction lies in the half that the light comes from.
     #[inline]
-    pub(crate) fn is_up(&self, b: [f32; 3]) -> bool {
+    fn is_up(&self, b: [f32; 3]) -> bool {
         b[2] * self.up_sign >= 0.0
     }
 
@@ -302,8 +355,45 @@ impl<const N: usize> BetweenAt<'_, N> {
         let Some(shapes) = self.shapes else { return [0.0; N] };
         let mut f = eval(&shapes[half], &self.corners, b);
         for k in 0..N {
-            f[k] *= self.energy[half][k];
+            f[k] *= self.energy[half][k] - self.parallel[0][half][k] - self.parallel[1][half][k];
+        }
+        for kind in 0..2 {
+            if let Some((cone, _)) = &self.cones[kind][half] {
+                let of = cone.eval(b);
+                (0..N).for_each(|k| f[k] += self.parallel[kind][half][k] * of);
+            }
         }
         f
+    }
+
+    /// Density of samples in direction `b` by the chances of the halves that it leaves in, up and down [1/sr].
+    #[inline]
+    pub(crate) fn pdf(&self, chances: [f32; 2], b: [f32; 3]) -> f32 {
+        let half = usize::from(!self.is_up(b));
+        let (mut pdf, mut rest) = (0.0, 1.0);
+        for kind in 0..2 {
+            if let Some((cone, share)) = &self.cones[kind][half] {
+                pdf += share * cone.pdf(b);
+                rest -= share;
+            }
+        }
+        chances[half] * (pdf + rest * b[2].abs().min(1.0) / PI)
+    }
+
+    /// A direction of the light that leaves up, or down.
+    pub(crate) fn draw(&self, half: usize, u: [f32; 3]) -> [f32; 3] {
+        let up = if half == 0 { self.up_sign } else { -self.up_sign };
+        let mut remaining = u[0];
+        for kind in 0..2 {
+            if let Some((cone, share)) = &self.cones[kind][half] {
+                if remaining < *share {
+                    return cone.draw([clamp_unit(u[1]), clamp_unit(u[2])], up);
+                }
+                remaining -= share;
+            }
+        }
+        let (sin, cos) = (TAU * u[2]).sin_cos();
+        let radius = u[1].sqrt();
+        [radius * cos, radius * sin, up * (1.0 - u[1]).max(0.0).sqrt()]
     }
 }

@@ -18,7 +18,6 @@ use crate::gap::{GapAt, Opening};
 use crate::math::clamp_unit;
 use crate::ply::{ExitsAt, LobeLight, Prepared, UncachedPly, hit_chance};
 use crate::{Bsdf, BsdfSample};
-use std::f32::consts::{PI, TAU};
 
 /// A direction of the cloth's frame in that of a ply.
 fn to_ply(frame: &[[f32; 3]; 3], w: [f32; 3]) -> [f32; 3] {
@@ -286,7 +285,7 @@ impl<const N: usize> ClothBsdf<'_, N> {
     }
 
     fn between_pdf(&self, b: [f32; 3]) -> f32 {
-        self.chances[if self.between.is_up(b) { 1 } else { 2 }] * b[2].abs().min(1.0) / PI
+        self.between.pdf([self.chances[1], self.chances[2]], b)
     }
 
     /// f and density in a direction of the pattern, of which those of one ply may be known.
@@ -359,12 +358,7 @@ impl<const N: usize> ClothBsdf<'_, N> {
             let w = match (PASSES + i, &self.passes, &self.main) {
                 (PASSES, Passes::Aperture(gap), _) => gap.conserved_sample(u)?,
                 (PASSES, Passes::Edge, Some(main)) => to_cloth(&main.frame, main.ply.edge_sample(u)?),
-                (UP | DOWN, ..) => {
-                    let (sin, cos) = (TAU * u[2]).sin_cos();
-                    let radius = u[1].sqrt();
-                    let up = if PASSES + i == UP { self.between.up_sign() } else { -self.between.up_sign() };
-                    [radius * cos, radius * sin, up * (1.0 - u[1]).max(0.0).sqrt()]
-                }
+                (UP | DOWN, ..) => self.between.draw(i - 1, u),
                 _ => return None,
             };
             return Some((w, None));

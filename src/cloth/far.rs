@@ -494,8 +494,7 @@ impl<'a, const N: usize> FarAt<'a, N> {
     }
 
     pub(crate) fn add(&self, b: [f32; 3], share: f32, f: &mut [f32; N], pdf: &mut f32) {
-        let (mut own, mut density) = (self.between.eval(b), 0.0);
-        density += self.chances[if self.between.is_up(b) { 2 } else { 3 }] * b[2].abs().min(1.0) / PI;
+        let (mut own, mut density) = (self.between.eval(b), self.between.pdf([self.chances[2], self.chances[3]], b));
         self.plies.add(b, [self.chances[0], self.chances[1]], &mut own, &mut density);
         let count = self.gaps.iter().flatten().count();
         for gap in self.gaps.iter().flatten() {
@@ -518,12 +517,7 @@ impl<'a, const N: usize> FarAt<'a, N> {
             let u0 = clamp_unit(remaining / chance);
             return match i {
                 0 | 1 => Some(self.plies.draw(i, [u0, u[1], u[2]])),
-                2 | 3 => {
-                    let (sin, cos) = (TAU * u[2]).sin_cos();
-                    let radius = u[1].sqrt();
-                    let up = if i == 2 { self.between.up_sign() } else { -self.between.up_sign() };
-                    Some([radius * cos, radius * sin, up * (1.0 - u[1]).max(0.0).sqrt()])
-                }
+                2 | 3 => Some(self.between.draw(i - 2, [u0, u[1], u[2]])),
                 _ => {
                     let count = self.gaps.iter().flatten().count();
                     let x = u0 * count as f32;

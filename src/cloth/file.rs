@@ -1,6 +1,7 @@
 //! Cloth files (`.pwc`): all that shading needs, made once.
 
 use super::between::{CLASSES, CLASSES_A_KIND, FEW, InterYarn, PAIRS, SIGMAS, Side, TERMS};
+use super::cones::{Cone, NORMS};
 use super::far::{COLUMNS, FarData, NODES, OPENING_NUMBERS, VIEWS};
 use super::plies::Runs;
 use super::query::ClothOptions;
@@ -142,6 +143,22 @@ fn rows<const F: usize>(values: Vec<f32>) -> Vec<[f32; F]> {
     values.as_chunks::<F>().0.to_vec()
 }
 
+/// Numbers of a cone: width, energy, norm.
+pub(super) const CONE_NUMBERS: usize = 1 + TERMS + NORMS;
+
+/// Those of a side.
+pub(super) fn cone_numbers(side: &Side) -> Vec<f32> {
+    let numbers = |cone: &Cone| [&[cone.width][..], &cone.energy, &cone.norm].concat();
+    side.cones.as_flattened().iter().flat_map(numbers).collect()
+}
+
+fn cone_of(numbers: &[f32; CONE_NUMBERS]) -> Cone {
+    let mut cone = Cone { width: numbers[0], ..Cone::NONE };
+    cone.energy.copy_from_slice(&numbers[1..=TERMS]);
+    cone.norm.copy_from_slice(&numbers[1 + TERMS..]);
+    cone
+}
+
 impl Document for ClothData {
     const KIND: FileKind = FileKind::Cloth;
     type Keys = Keys;
@@ -153,6 +170,8 @@ impl Document for ClothData {
             "between_caught",
             "between_leaves",
             "between_shape",
+            "between_parallel",
+            "between_cones",
             "albedo",
             "far_f",
             "far_first",
@@ -212,6 +231,9 @@ impl Document for ClothData {
         let leaves = of(&|s| s.leaves.as_flattened().to_vec());
         w.f32("between_leaves", &[2, CLASSES, 2, 2, PAIRS, FEW], leaves.into_iter());
         w.f32("between_shape", &[2, 2, PAIRS, TERMS], of(&|s| s.shape.as_flattened().to_vec()).into_iter());
+        let parallel = of(&|s| s.parallel.as_flattened().as_flattened().to_vec());
+        w.f32("between_parallel", &[2, CLASSES, 2, 2, SIGMAS, FEW], parallel.into_iter());
+        w.f32("between_cones", &[2, 2, 2, CONE_NUMBERS], of(&|s| cone_numbers(s)).into_iter());
         w.f64("albedo", &[color_of::NODES], &self.albedo);
         if let Some(far) = &self.far {
             let kinds = self.kinds();
@@ -254,15 +276,19 @@ impl Document for ClothData {
         let caught = rows::<SIGMAS>(r.f32("between_caught", &[2, CLASSES, 3, COUNT, SIGMAS])?);
         let leaves = rows::<FEW>(r.f32("between_leaves", &[2, CLASSES, 2, 2, PAIRS, FEW])?);
         let shape = rows::<TERMS>(r.f32("between_shape", &[2, 2, PAIRS, TERMS])?);
+        let parallel = rows::<FEW>(r.f32("between_parallel", &[2, CLASSES, 2, 2, SIGMAS, FEW])?);
+        let cones = rows::<CONE_NUMBERS>(r.f32("between_cones", &[2, 2, 2, CONE_NUMBERS])?);
         let side = |side: usize| {
             let of = |count: usize| side * count / 2..(side + 1) * count / 2;
             Side {
                 caught: caught[of(caught.len())].as_chunks::<COUNT>().0.to_vec(),
                 leaves: leaves[of(leaves.len())].to_vec(),
                 shape: shape[of(shape.len())].to_vec(),
+                parallel: parallel[of(parallel.len())].as_chunks::<SIGMAS>().0.to_vec(),
+                cones: [0, 1].map(|kind| [0, 1].map(|half| cone_of(&cones[4 * side + 2 * kind + half]))),
             }
         };
-        let between = InterYarn { sides: [side(0), side(1)] };
+        let between = InterYarn::new([side(0), side(1)]);
         let mut albedo = [0.0; color_of::NODES];
         albedo.copy_from_slice(&r.f64("albedo", &[color_of::NODES])?);
         let far = if r.has("far_f") {
@@ -306,6 +332,12 @@ impl Document for ClothData {
             c.range_f32("between_caught", side.caught.as_flattened().as_flattened(), -1e3, 1e3)?;
             c.range_f32("between_leaves", side.leaves.as_flattened(), -1e3, 1e3)?;
             c.range_f32("between_shape", side.shape.as_flattened(), -1e6, 1e6)?;
+            c.range_f32("between_parallel", side.parallel.as_flattened().as_flattened(), -1e3, 1e3)?;
+            for cone in side.cones.as_flattened() {
+                c.range_f32("between_cones (width)", &[cone.width], 1e-3, 1e3)?;
+                c.range_f32("between_cones (energy)", &cone.energy, -1e3, 1e3)?;
+                c.range_f32("between_cones (norm)", &cone.norm, 1e-6, 1e6)?;
+            }
         }
         c.range("albedo", &self.albedo, 0.0, 1.0)?;
         if let Some(far) = &self.far {

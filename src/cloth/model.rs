@@ -130,7 +130,7 @@ impl ClothModel {
             plies,
             options: *options,
             shadows: data.shadows,
-            between: data.between,
+            between: InterYarn { runs, ..data.between },
             slits,
             gaps,
             uneven: Arc::new(if options.uneven { uneven } else { Uneven::default() }),

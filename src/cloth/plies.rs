@@ -22,6 +22,16 @@ pub(crate) enum Runs {
     AlongY,
 }
 
+impl Runs {
+    /// Its number: 0 for x.
+    pub(crate) fn axis(self) -> usize {
+        match self {
+            Runs::AlongX => 0,
+            Runs::AlongY => 1,
+        }
+    }
+}
+
 /// The curves of a cloth with the models of their plies.
 #[derive(Clone, Debug)]
 pub struct ClothPlies {
@@ -133,6 +143,11 @@ impl ClothPlies {
     pub fn passes(&self, hit: &LineHit) -> f32 {
         let kind = self.kind_of[hit.curve as usize];
         passes(&self.models[kind], self.scale[kind], hit)
+    }
+
+    /// Axes of the cloth along which the kinds of yarns run: 0 for x.
+    pub fn axes(&self) -> [usize; 2] {
+        self.runs.map(Runs::axis)
     }
 
     /// Fraction of a line that passes the ply it hits.

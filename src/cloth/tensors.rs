@@ -36,6 +36,8 @@
 //! | `between_caught` | `[2][8][3][8][168]` | by side, class, sent up, down and all, absorption: splines of the direction |
 //! | `between_leaves` | `[2][8][2][2][64][8]` | by side, class, sent, leaves, pair of absorptions |
 //! | `between_shape` | `[2][2][64][16]` | by side, leaves, pair |
+//! | `between_parallel` | `[2][8][2][2][8][8]` | by side, class, sent, leaves, absorption: of that, what one kind of yarns alone has scattered |
+//! | `between_cones` | `[2][2][2][50]` | by side, kind, leaves: width, 16 terms of the energy, 33 norms |
 //! | `far_phi_i`, `far_theta_i`, `far_sigma` | `[15]`, `[11]`, `[8]` | of the mean over the cell: nodes of a view's azimuth on one side and latitude [degrees], and of absorption [1/um]; these and the next only of cloths loaded with `ClothOptions::far` |
 //! | `far_f` | `[kinds][330][24][17][8]` | by kind and view, azimuth and latitude of the light, absorption |
 //! | `far_chances` | `[kinds][330][2][384]` | sums of the energies up to a part's end, of clear and dark fibers |
@@ -44,6 +46,7 @@
 
 use super::ClothModel;
 use super::between::{CLASSES, CLASSES_A_KIND, FEW, PAIRS, SIGMAS, Side, TERMS};
+use super::file::{CONE_NUMBERS, cone_numbers};
 use super::far;
 use super::grid::Entry;
 use super::lines::LineTables;
@@ -116,6 +119,9 @@ impl ClothModel {
         f32s("between_caught", &[2, CLASSES, 3, SIGMAS, COUNT], caught);
         f32s("between_leaves", &[2, CLASSES, 2, 2, PAIRS, FEW], of(&|s| s.leaves.as_flattened().to_vec()));
         f32s("between_shape", &[2, 2, PAIRS, TERMS], of(&|s| s.shape.as_flattened().to_vec()));
+        let parallel = of(&|s| s.parallel.as_flattened().as_flattened().to_vec());
+        f32s("between_parallel", &[2, CLASSES, 2, 2, SIGMAS, FEW], parallel);
+        f32s("between_cones", &[2, 2, 2, CONE_NUMBERS], of(&|s| cone_numbers(s)));
         if let Some(far) = &self.far {
             let ([f, chances, energy, first, passing], _) = far.numbers();
             f32s("far_phi_i", &[far::PHI_I_DEG.len()], far::PHI_I_DEG.to_vec());

@@ -1,6 +1,7 @@
 //! All that shading needs of a cloth, found by lines and paths through it.
 
 mod between;
+mod cones;
 mod follow;
 mod paths;
 mod regression;

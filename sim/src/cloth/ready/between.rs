@@ -1,5 +1,6 @@
 //! The light between the plies of a cloth, by paths through it.
 
+use super::cones::{Parallel, cones};
 use super::follow::ClothPaths;
 use super::paths::Escaped;
 use super::regression::Sums;
@@ -30,6 +31,7 @@ struct Found {
     caught: [Vec<splines::Sums<LOOKS>>; 2],
     leaves: [Vec<Sums<FEW>>; 2],
     mean: [Sums<TERMS>; 2],
+    parallel: Parallel,
 }
 
 impl Found {
@@ -38,6 +40,7 @@ impl Found {
             caught: [0, 1].map(|_| (0..CLASSES).map(|_| splines::Sums::new()).collect()),
             leaves: [0, 1].map(|_| (0..2 * CLASSES).map(|_| Sums::new(2 * PAIRS)).collect()),
             mean: [0, 1].map(|_| Sums::new(2 * PAIRS)),
+            parallel: Parallel::none(),
         }
     }
 
@@ -63,9 +66,13 @@ impl Found {
                 let t = terms(a);
                 if is_followed {
                     found.mean[side].seen(&t);
+                    found.parallel.seen(side, &t);
                 }
                 if let Some(gone) = paths.path(a, at, is_followed, &mut number) {
                     found.add(side, a, &t, &gone);
+                    if paths.plies.kinds == 2 {
+                        found.parallel.add(side, (a, &t), paths.plies.axes(), &gone);
+                    }
                 }
             }
         }
@@ -107,6 +114,7 @@ impl Found {
             self.leaves[side].iter_mut().zip(&other.leaves[side]).for_each(|(sums, other)| sums.join(other));
             self.mean[side].join(&other.mean[side]);
         }
+        self.parallel.join(&other.parallel);
     }
 }
 
@@ -115,7 +123,8 @@ pub(super) fn light_between(paths: &ClothPaths<'_>, told: Told<'_>) -> Result<In
     let found = parts("light between plies", CHUNKS, told, |chunk| Found::new(paths, chunk))?;
     let mut all = Found::none();
     found.iter().for_each(|found| all.join(found));
-    let Found { caught, leaves, mean } = all;
+    let Found { caught, leaves, mean, parallel } = all;
+    let cones = cones(&parallel, paths.plies.axes());
     let means = mean.map(|sums| sums.solve());
     let integrals = integrals();
     let side = |side: usize| {
@@ -133,10 +142,12 @@ pub(super) fn light_between(paths: &ClothPaths<'_>, told: Told<'_>) -> Result<In
         Side {
             caught: caught[side].iter().flat_map(|sums| splines::several(&sums.solve())).collect(),
             leaves: leaves[side].iter().flat_map(Sums::solve).collect(),
+            parallel: parallel.leaves(side),
+            cones: cones[side],
             shape: (0..2 * PAIRS).map(|at| shape(at / PAIRS, at % PAIRS)).collect(),
         }
     };
-    Ok(InterYarn { sides: [side(0), side(1)] })
+    Ok(InterYarn::new([side(0), side(1)]))
 }
 
 /// Integrals over a half of the sphere of the terms times z.

@@ -44,6 +44,7 @@ impl ClothPaths<'_> {
                 .find(|(_, hit)| own.is_none_or(|own| !is_own(lines, hit, own)) && number() >= self.plies.r_d(hit));
             let Some((depth, hit)) = caught else {
                 gone.up = d[2] * a[2] > 0.0;
+                gone.d = d;
                 return Some(gone);
             };
             let kind = kind_of[hit.curve as usize];

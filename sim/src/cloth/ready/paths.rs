@@ -28,6 +28,9 @@ pub(super) struct Escaped {
     pub class: usize,
     pub sent_up: bool,
     pub up: bool,
+    /// Its direction, and the kinds of yarns that have scattered it, a bit each.
+    pub d: [f32; 3],
+    pub kinds: u8,
     /// Energies by node of absorption, of what the warp and what the weft leave of it.
     pub weight: [[f32; SIGMAS]; 2],
     /// What the first ply left of it.
@@ -57,6 +60,8 @@ impl Escaped {
             class: 0,
             sent_up: false,
             up: false,
+            d: [0.0; 3],
+            kinds: 0,
             weight: [[1.0; SIGMAS]; 2],
             first: [1.0; SIGMAS],
             caught: [[0.0; SIGMAS]; 2],
@@ -130,6 +135,7 @@ impl Escaped {
             self.first = std::array::from_fn(|k| ((light.refl[k] + light.high[k]) / (refl + high)).min(1.0));
         }
         self.orders += 1;
+        self.kinds |= 1 << kind;
         let density = |kind: usize| lines[kind].density;
         if number() * (refl + high) < refl {
             return Some((density(0).draw(number()), lines[0].s));

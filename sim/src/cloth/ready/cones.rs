@@ -1,0 +1,161 @@
+//! Light that yarns of one kind alone have scattered, by paths: its energies, and its cones.
+
+use super::paths::Escaped;
+use super::regression::Sums;
+use plywave::cloth::making::{CLASSES, CLASSES_A_KIND, Cone, FEW, Few, NORMS, Poly, SIGMAS, TERMS, few};
+use std::f64::consts::PI;
+
+/// Node of absorption whose energies and width give the cones.
+const NODE: usize = 3;
+/// Bins of the distance from the cone, 0 to 2.
+const BINS: usize = 400;
+/// Least and largest width.
+const WIDTHS: [f64; 2] = [0.02, 2.0];
+/// Steps of Sinkhorn's scaling; the last ones change nothing.
+const STEPS: usize = 60;
+/// Steps of integrals over the sine, and over the angle about the axis.
+const SINES: usize = 800;
+const ANGLES: usize = 32;
+
+/// Sums of such paths.
+pub(super) struct Parallel {
+    /// `[side][class][sent up, down]`, of leaving up and down by absorption.
+    leaves: [Vec<Sums<FEW>>; 2],
+    /// `[side]`, by kind, leaving up and down.
+    mean: [Sums<TERMS>; 2],
+    /// `[kind][leaves up, down]`: energies by distance from the cone.
+    from_cone: [[[f64; BINS]; 2]; 2],
+}
+
+impl Parallel {
+    pub fn none() -> Parallel {
+        Parallel {
+            leaves: [0, 1].map(|_| (0..2 * CLASSES).map(|_| Sums::new(2 * SIGMAS)).collect()),
+            mean: [0, 1].map(|_| Sums::new(4)),
+            from_cone: [[[0.0; BINS]; 2]; 2],
+        }
+    }
+
+    /// A beam from a side.
+    pub fn seen(&mut self, side: usize, t: &Poly) {
+        self.mean[side].seen(t);
+    }
+
+    /// A path of several plies from direction `a`; `axes` are those along which the kinds of yarns run.
+    pub fn add(&mut self, side: usize, (a, t): ([f32; 3], &Poly), axes: [usize; 2], gone: &Escaped) {
+        if gone.orders < 2 {
+            return;
+        }
+        let (kind, half) = (gone.class / CLASSES_A_KIND, usize::from(!gone.up));
+        let of_cause = &mut self.leaves[side][2 * gone.class + usize::from(!gone.sent_up)];
+        let few = few(t);
+        of_cause.seen(&few);
+        if gone.kinds != 1 << kind {
+            return;
+        }
+        for i in 0..SIGMAS {
+            of_cause.add(half * SIGMAS + i, gone.weight[kind][i] / gone.first[i].max(1e-30), &few);
+        }
+        let energy = gone.weight[kind][NODE];
+        self.mean[side].add(2 * kind + half, energy, t);
+        let v = (gone.d[axes[kind]] + a[axes[kind]]).abs();
+        let bin = (f64::from(v) * BINS as f64 / 2.0) as usize;
+        self.from_cone[kind][half][bin.min(BINS - 1)] += f64::from(energy);
+    }
+
+    pub fn join(&mut self, other: &Parallel) {
+        for side in 0..2 {
+            self.leaves[side].iter_mut().zip(&other.leaves[side]).for_each(|(sums, other)| sums.join(other));
+            self.mean[side].join(&other.mean[side]);
+        }
+        let others = other.from_cone.as_flattened().as_flattened();
+        for (sum, other) in self.from_cone.as_flattened_mut().as_flattened_mut().iter_mut().zip(others) {
+            *sum += other;
+        }
+    }
+
+    /// `[class][sent up, down][leaves up, down]` by absorption: what leaves, per energy that is caught.
+    pub fn leaves(&self, side: usize) -> Vec<[Few; SIGMAS]> {
+        let all: Vec<Few> = self.leaves[side].iter().flat_map(Sums::solve).collect();
+        all.as_chunks::<SIGMAS>().0.to_vec()
+    }
+
+    /// s of a kind and half: the density's median is at `s / sqrt(3)`.
+    fn width(&self, kind: usize, half: usize) -> f64 {
+        let bins = &self.from_cone[kind][half];
+        let all: f64 = bins.iter().sum();
+        let mut sum = 0.0;
+        let median = bins.iter().position(|energy| {
+            sum += energy;
+            sum >= 0.5 * all
+        });
+        let median = 2.0 * (median.unwrap_or(BINS) as f64 + 0.5) / BINS as f64;
+        (median * 3f64.sqrt()).clamp(WIDTHS[0], WIDTHS[1])
+    }
+}
+
+/// `[side][kind][leaves up, down]`.
+pub(super) fn cones(found: &Parallel, axes: [usize; 2]) -> [[[Cone; 2]; 2]; 2] {
+    let energies = found.mean.each_ref().map(|sums| sums.solve());
+    let mut cones = [[[Cone::NONE; 2]; 2]; 2];
+    for kind in 0..2 {
+        for half in 0..2 {
+            let width = found.width(kind, half) as f32;
+            for side in 0..2 {
+                cones[side][kind][half] = Cone { width, energy: energies[side][2 * kind + half], ..Cone::NONE };
+            }
+            // What leaves on its own side is its own inverse; the other goes to the other side.
+            let pairs: &[[usize; 2]] = if half == 0 { &[[0, 0], [1, 1]] } else { &[[0, 1]] };
+            for [from, to] in pairs {
+                let pair = [cones[*from][kind][half], cones[*to][kind][half]];
+                let [first, second] = balanced(pair, axes[kind]);
+                (cones[*from][kind][half].norm, cones[*to][kind][half].norm) = (first, second);
+            }
+        }
+    }
+    cones
+}
+
+/// N of both sides, each the integral of the other's (Sinkhorn's scaling).
+fn balanced(cones: [Cone; 2], axis: usize) -> [[f32; NORMS]; 2] {
+    let sine = |i: usize| -1.0 + (2 * i + 1) as f64 / SINES as f64;
+    // E cos b, about the axis.
+    let weights = cones.map(|cone| {
+        let weight = |i: usize| {
+            let s = sine(i);
+            let cos = (1.0 - s * s).sqrt();
+            let angle = |k: usize| {
+                let (up, across) = (PI * (k as f64 + 0.5) / ANGLES as f64).sin_cos();
+                let mut b = [0.0, 0.0, (cos * up) as f32];
+                (b[axis], b[1 - axis]) = (s as f32, (cos * across) as f32);
+                f64::from(cone.energy(b)) * cos * up
+            };
+            (0..ANGLES).map(angle).sum::<f64>() * PI / ANGLES as f64 * 2.0 / SINES as f64
+        };
+        (0..SINES).map(weight).collect::<Vec<f64>>()
+    });
+    let mut both = cones;
+    let node = |i: usize| 2.0 * i as f64 / (NORMS - 1) as f64 - 1.0;
+    let integral = |other: &Cone, weights: &[f64], s: f64| -> f64 {
+        let at = |i: usize| {
+            let q = other.density((s + sine(i)) as f32);
+            weights[i] * f64::from(q / other.norm(sine(i) as f32))
+        };
+        (0..SINES).map(at).sum()
+    };
+    for step in 0..STEPS {
+        for of in 0..2 {
+            let other = both[1 - of];
+            for i in 0..NORMS {
+                let wanted = integral(&other, &weights[1 - of], node(i)).max(1e-5) as f32;
+                let own = &mut both[of].norm[i];
+                // The root of both converges where they are the same one; the last steps are exact.
+                *own = if step + 2 < STEPS { (*own * wanted).sqrt() } else { wanted };
+            }
+            if cones[0] == cones[1] {
+                both[1 - of].norm = both[of].norm;
+            }
+        }
+    }
+    both.map(|cone| cone.norm)
+}
