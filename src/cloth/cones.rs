@@ -20,7 +20,6 @@
 
 use super::between::{Poly, TERMS, dot, terms};
 use crate::math::simd::{max, min};
-use std::f32::consts::PI;
 
 /// Nodes of N over the sine, -1 to 1.
 pub const NORMS: usize = 33;
@@ -122,9 +121,9 @@ impl<'a> ConeAt<'a> {
         let v = self.cone.width * y / (0.25 - y * y).sqrt();
         let sine = (v - self.sine).clamp(-1.0, 1.0);
         let cos = (1.0 - sine * sine).sqrt();
-        let (sin_phi, cos_phi) = (PI - (1.0 - 2.0 * u[1]).clamp(-1.0, 1.0).acos()).sin_cos();
-        let mut b = [0.0, 0.0, up * cos * sin_phi];
-        (b[self.axis], b[1 - self.axis]) = (sine, cos * cos_phi);
+        let turn = (2.0 * u[1] - 1.0).clamp(-1.0, 1.0);
+        let mut b = [0.0, 0.0, up * cos * (1.0 - turn * turn).sqrt()];
+        (b[self.axis], b[1 - self.axis]) = (sine, cos * turn);
         b
     }
 }

@@ -9,6 +9,8 @@ from ._shadow import two_thirds
 
 TAU = 2.0 * math.pi
 SIGMAS, LENGTH_UM, COUNT, SPLINE_COLUMNS, INTERVALS = 8, 150.0, 168, 24, 5
+# src/cloth/cones.rs: numbers of a cone (width, 16 terms, norms), nodes of the norm.
+CONE, NORMS, MIN_ENERGY = 50, 33, 1e-3
 
 
 # Nodes of absorption [1/um], and v = 1 / (1 + sigma L) there, the last one 0.
@@ -42,8 +44,8 @@ class Between:
     """Light that plies send to other yarns, and how it leaves. The tables are those of ``Curves``."""
 
     def between(self, a, classes, sigma):
-        """Energies that leave up and down, of a beam from ``a`` whose first plies scatter ``classes``, energies by class, in yarns of two kinds of ``sigma``; what other
-        yarns catch of those."""
+        """Energies that leave up and down, of a beam from ``a`` whose first plies scatter ``classes``, energies by class, in yarns of two kinds of ``sigma``; what
+        ``between_eval`` needs besides; what other yarns catch of the first plies' light."""
         kit, n, count = self.kit, self.kit.count, self.classes
         t = polynomials(a)
         terms = few(t)
@@ -77,11 +79,12 @@ class Between:
                 found = dr.select(kit.both(cls <= c, self.some(classes[c])), kit.uint(c), found)
             return found
 
-        def body(given, cls, up, down, all_caught):
+        def body(given, cls, up, down, all_caught, *parallel):
             classes, fractions, weights = given
             energy = of_class(classes, cls)
             is_first = cls < count // 2
             up, down, all_caught = kit.S(up), kit.S(down), kit.S(all_caught)
+            parallel = [kit.S(x) for x in parallel]
             for k in range(n):
                 node = dr.select(is_first, nodes[0][k][0], nodes[1][k][0])
                 u = dr.select(is_first, fractions[0][k], fractions[1][k])
@@ -103,20 +106,60 @@ class Between:
                         for (pair, _), share in zip(corners[k], weights[k]):
                             values = kit.packets(self.leaves, (at_leaves + pair) * 2, 2)
                             leaves = leaves + share * sum(v * t for v, t in zip(values, terms))
-                        out = caught * clamp(leaves, 0.0, 1.0)
+                        leaves = clamp(leaves, 0.0, 1.0)
+                        out = caught * leaves
+                        if parallel:
+                            at_node = ((((side * count + cls) * 2 + cause) * 2 + half) * SIGMAS + node) * 2
+                            low, high = (sum(v * t for v, t in zip(kit.packets(self.parallel, at_node + 2 * i, 2), terms)) for i in range(2))
+                            own = caught * dr.minimum(dr.maximum(low + u * (high - low), 0.0), leaves)
+                            for kind, here in enumerate((is_first, kit.no(is_first))):
+                                parallel[2 * kind + half][k] = parallel[2 * kind + half][k] + dr.select(here, own, 0.0)
                         if half == 0:
                             up[k] = up[k] + out
                         else:
                             down[k] = down[k] + out
-            return following(cls + 1), up, down, all_caught
+            return following(cls + 1), up, down, all_caught, *parallel
 
         fractions = [[nodes[f][k][1] for k in range(n)] for f in range(2)]
         given = (list(classes), fractions, [[share for _, share in corners[k]] for k in range(n)])
-        state = (following(kit.uint(0)), kit.zero_s(), kit.zero_s(), kit.zero_s())
-        _, up, down, caught = kit.loop(state, lambda cls, up, down, caught: cls < count, body, "light between yarns", given)
+        state = (following(kit.uint(0)), kit.zero_s(), kit.zero_s(), kit.zero_s(), *(kit.zero_s() for _ in range(4 if self.axes else 0)))
+        _, up, down, caught, *parallel = kit.loop(state, lambda cls, *_: cls < count, body, "light between yarns", given)
         for k in range(n):
-            up[k], down[k] = dr.maximum(up[k], 0.0), dr.maximum(down[k], 0.0)
-        return up, down, (side, corners), caught
+            for half, energy in enumerate((up, down)):
+                rest = energy[k] = dr.maximum(energy[k], 0.0)
+                for own in parallel[half::2]:
+                    own[k] = clamp(own[k], 0.0, rest)
+                    rest = rest - own[k]
+        return up, down, (side, corners, parallel, self.cones_at(a, side, (up, down), parallel)), caught
+
+    def cones_at(self, a, side, energies, parallel):
+        """Of each kind and half the cone of light in the opposite way, its sine and norm at ``a``, and its share of the samples."""
+        kit, cones = self.kit, []
+        detach = dr.detach if kit.jit else (lambda x: x)
+        for number, own in enumerate(parallel):
+            kind, half = divmod(number, 2)
+            sine = clamp(a[self.axes[kind]], -1.0, 1.0)
+            here, back = ((of * 4 + number) * CONE for of in (side, side ^ half))
+            all_ = detach(kit.mean(energies[half]))
+            share = dr.select(all_ > 0.0, detach(kit.mean(own)) / dr.maximum(all_, 1e-30), 0.0)
+            cones.append((back, sine, self.cone_norm(here, sine), share))
+        return cones
+
+    def cone_norm(self, cone, sine):
+        at = clamp(0.5 * (sine + 1.0), 0.0, 1.0) * (NORMS - 1.0)
+        whole = dr.minimum(dr.floor(at), NORMS - 2.0)
+        node = cone + 17 + self.kit.uint(whole)
+        low, high = (self.kit.take(self.cones, node + i) for i in range(2))
+        return low + (at - whole) * (high - low)
+
+    def cone_density(self, cone, v):
+        squared = dr.square(self.kit.take(self.cones, cone))
+        t = squared + v * v
+        return 0.5 * squared / (t * dr.sqrt(t))
+
+    def cone_ends(self, cone, sine):
+        squared = dr.square(self.kit.take(self.cones, cone))
+        return [0.5 * v * dr.rsqrt(squared + v * v) for v in (sine - 1.0, sine + 1.0)]
 
     def some(self, s):
         any_ = s[0] > 0.0
@@ -133,7 +176,7 @@ class Between:
     def between_eval(self, about, up, down, is_up, b):
         """f in direction ``b`` [1/sr]."""
         kit = self.kit
-        side, corners = about
+        side, corners, parallel, cones = about
         half = dr.select(is_up, kit.uint(0), kit.uint(1))
         terms, cos = polynomials(b), dr.abs(b[2])
         energy, f = dr.select(is_up, up, down), kit.zero_s()
@@ -142,5 +185,50 @@ class Between:
             for pair, weight in corners[k]:
                 values = kit.packets(self.shape, ((side * 2 + half) * (SIGMAS * SIGMAS) + pair) * 4, 4)
                 shape = shape + weight * sum(v * t for v, t in zip(values, terms))
-            f[k] = energy[k] * dr.maximum(shape * cos, 0.0)
+            rest = energy[k]
+            for i in range(0, len(parallel), 2):
+                rest = rest - dr.select(is_up, parallel[i][k], parallel[i + 1][k])
+            f[k] = rest * dr.maximum(shape * cos, 0.0)
+        for i in range(0, len(parallel), 2):
+            cone, sine, norm = (dr.select(is_up, x, y) for x, y in zip(cones[i][:3], cones[i + 1][:3]))
+            other = clamp(b[self.axes[i // 2]], -1.0, 1.0)
+            of = [kit.take(self.cones, cone + 1 + t) for t in range(16)]
+            energy = dr.maximum(sum(c * t for c, t in zip(of, terms)), MIN_ENERGY * dr.maximum(dr.abs(of[0]), 1e-6))
+            value = self.cone_density(cone, sine + other) * energy * cos / (norm * self.cone_norm(cone, other))
+            f = f + dr.select(is_up, parallel[i], parallel[i + 1]) * value
         return f
+
+    def between_pdf(self, about, chances, is_up, b):
+        """Density of samples by the chances that light leaves up and down [1/sr]."""
+        _, _, parallel, cones = about
+        cos, pdf, rest = dr.abs(b[2]), 0.0, 1.0
+        for i in range(0, len(parallel), 2):
+            cone, sine, _, share = (dr.select(is_up, x, y) for x, y in zip(cones[i], cones[i + 1]))
+            other = clamp(b[self.axes[i // 2]], -1.0, 1.0)
+            low, high = self.cone_ends(cone, sine)
+            across = dr.sqrt(dr.maximum(1.0 - other * other, 1e-12))
+            pdf = pdf + share * self.cone_density(cone, sine + other) / (high - low) * 0.5 * dr.minimum(cos / across, 1.0)
+            rest = rest - share
+        return dr.select(is_up, *chances) * (pdf + rest * dr.minimum(cos, 1.0) * (1.0 / math.pi))
+
+    def between_draw(self, about, is_up, up_sign, u):
+        """A direction of the light that leaves up, or down; ``up_sign`` is the sign of z of the former."""
+        _, _, parallel, cones = about
+        up = dr.select(is_up, up_sign, -up_sign)
+        sin, cos = dr.sincos(TAU * u[2])
+        radius = dr.sqrt(u[1])
+        b = [radius * cos, radius * sin, up * dr.sqrt(dr.maximum(1.0 - u[1], 0.0))]
+        left, found = u[0], self.kit.bool(False)
+        for i in range(0, len(parallel), 2):
+            cone, sine, _, share = (dr.select(is_up, x, y) for x, y in zip(cones[i], cones[i + 1]))
+            here = self.kit.both(self.kit.no(found), left < share)
+            left, found = left - share, found | here
+            low, high = self.cone_ends(cone, sine)
+            y = clamp(low + u[1] * (high - low), -0.499999, 0.499999)
+            other = clamp(self.kit.take(self.cones, cone) * y * dr.rsqrt(0.25 - y * y) - sine, -1.0, 1.0)
+            across = dr.sqrt(1.0 - other * other)
+            turn = clamp(2.0 * u[2] - 1.0, -1.0, 1.0)
+            w = [across * turn] * 2 + [up * across * dr.sqrt(dr.maximum(1.0 - turn * turn, 0.0))]
+            w[self.axes[i // 2]] = other
+            b = [dr.select(here, x, y) for x, y in zip(w, b)]
+        return b

@@ -223,8 +223,7 @@ class Far:
         kit, cloth = self.kit, self.cloth
         is_up = b[2] * at["up_sign"] >= 0.0
         f = cloth.between_eval(at["about"], at["up"], at["down"], is_up, b)
-        cos = dr.minimum(dr.abs(b[2]), 1.0)
-        pdf = dr.select(is_up, at["chances"][2], at["chances"][3]) * cos * (1.0 / math.pi)
+        pdf = cloth.between_pdf(at["about"], at["chances"][2:4], is_up, b)
         for k in range(len(self.along_y)):
             light, density = self.plies(at, k, b)
             f, pdf = f + light, pdf + at["chances"][k] * density
@@ -257,11 +256,8 @@ class Far:
             left = dr.select(found, left, left - chance)
         number = clamp(number, 0.0, 0.99999994)
         b = self.draw_plies(at, which == 0, [number, u[1], u[2]])
-        s, c = dr.sincos(TAU * u[2])
-        radius, height = dr.sqrt(u[1]), dr.sqrt(dr.maximum(1.0 - u[1], 0.0))
-        is_between = (which == 2) | (which == 3)
-        up = dr.select(which == 2, at["up_sign"], -at["up_sign"])
-        b = [dr.select(is_between, x, y) for x, y in zip([radius * c, radius * s, up * height], b)]
+        w = self.cloth.between_draw(at["about"], which == 2, at["up_sign"], [number, u[1], u[2]])
+        b = [dr.select((which == 2) | (which == 3), x, y) for x, y in zip(w, b)]
         if gaps is not None:
             x = number * dr.maximum(kit.float(at["count"]), 1.0)
             i = dr.minimum(dr.floor(x), dr.maximum(kit.float(at["count"]), 1.0) - 1.0)

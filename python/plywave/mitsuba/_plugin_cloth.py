@@ -318,8 +318,7 @@ def define(Calls):
             f, density = sums
             is_up = b[2] * at["up_sign"] >= 0.0
             f = f + cloth.between_eval(at["about"], at["up"], at["down"], is_up, b)
-            cos = dr.minimum(dr.abs(b[2]), 1.0)
-            pdf = at["per_ply"] * density + dr.select(is_up, at["chances"][2], at["chances"][3]) * cos * (1.0 / math.pi)
+            pdf = at["per_ply"] * density + cloth.between_pdf(at["about"], at["chances"][2:4], is_up, b)
             if cloth.plies.some_edge and cloth.options["edges"]:
                 main = at["main"]
                 theta_i, h, x, z = main["q"][0], main["q"][1], main["q"][2:5], main["q"][5:8]
@@ -399,11 +398,9 @@ def define(Calls):
             if self.gaps is not None:
                 w = self.gaps.draw(at["spectra"], at["wo"], self.lambda_um(si), [first[1][1], u[1], u[2]])
                 b = [dr.select(kit.both(first[1][0], at["is_aperture"]), x, y) for x, y in zip(w, b)]
-            sin, cos = dr.sincos(2.0 * math.pi * u[2])
-            radius, height = dr.sqrt(u[1]), dr.sqrt(dr.maximum(1.0 - u[1], 0.0))
-            is_between = first[2][0] | first[3][0]
-            up = dr.select(first[2][0], at["up_sign"], -at["up_sign"])
-            b = [dr.select(is_between, x, y) for x, y in zip([radius * cos, radius * sin, up * height], b)]
+            number = dr.select(first[2][0], first[2][1], first[3][1])
+            w = cloth.between_draw(at["about"], first[2][0], at["up_sign"], [number, u[1], u[2]])
+            b = [dr.select(first[2][0] | first[3][0], x, y) for x, y in zip(w, b)]
             straight = kit.both(kit.no(found), at["straight"] > 0.0)
             b = [dr.select(found, x, -y) for x, y in zip(b, at["wo"])]
             return b, straight, at["passing"], at["straight"]

@@ -43,6 +43,11 @@ class Tables(Shadows, Between):
         self.caught = kit.floats(caught)
         self.leaves = kit.floats(tensors["between_leaves"])
         self.shape = kit.floats(tensors["between_shape"])
+        self.parallel = kit.floats(tensors["between_parallel"])
+        self.cones = kit.floats(tensors["between_cones"])
+        # Axes along which two kinds of yarns run; yarns of one kind have no cones.
+        along_y = tensors["kind"][:, 0] > 0.5
+        self.axes = [int(y) for y in along_y] if len(along_y) == 2 else []
 
     def sigma_of_brightness(self, brightness):
         """The absorption with which the cloth has a brightness: clear fibers above its range, black ones below (src/color/absorption.rs)."""

@@ -4,7 +4,7 @@
 //!
 //! The geometry is that of Tang et al. 2024, "Woven Fabric Capture with a Reflection-Transmission Photo Pair":
 //! the cloth is a plane, a camera 80 mm above it sees 80 mm of it, a small lamp is 80 mm in front of it and as
-//! far up, or 90 mm behind it. `TURN_DEGREES` turns the cloth, whose warp runs up the picture. `SAMPLES` are
+//! far up, or 90 mm behind it. The lens darkens its picture by cos^4, as a thin lens does. `TURN_DEGREES` turns the cloth, whose warp runs up the picture. `SAMPLES` are
 //! those of a pixel, each with a point of the lamp, of the light of a lamp alone: a cloth that hangs free.
 //!
 //! For each picture it prints, of the luminance over its mean,
@@ -12,12 +12,14 @@
 //! - contrast: the deviation of squares of 1, 2, 4 and 8 pixels over the mean of their 32 x 32 pixels, without
 //!   the noise of samples, as the root of the covariance of two pictures;
 //! - profiles across and down: means of 16 blocks of the middle 64 rows and columns;
-//! - widths at half of the greatest value of the same profiles, smoothed over 16 pixels, in mm;
+//! - widths at half of the greatest value of the profiles of 64 rows and columns on both sides of those, where no
+//!   lamp shows, smoothed over 16 pixels, in mm;
 //!
-//! and with photographs (8-bit sRGB, 512 x 512) theirs, and the correlation of profiles. `PNG` in the
-//! environment names a folder for the cloth's pictures.
+//! and with photographs (8-bit sRGB, 512 x 512) theirs, and the correlation of profiles. In the environment,
+//! `PNG` names a folder for the cloth's pictures, `SRGB` (three numbers from 0 to 1 with commas) is a color of
+//! all yarns in place of the cloth's.
 
-use plywave::cloth::{ClothModel, ClothOptions};
+use plywave::cloth::{ClothModel, ClothOptions, YarnColor};
 use plywave::{Bsdf, ClothQuery};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
@@ -45,6 +47,14 @@ fn main() -> Outcome<()> {
     };
     let (turn, samples) = (turn.parse::<f32>()?.to_radians(), samples.parse()?);
     let cloth = ClothModel::load(cloth, &ClothOptions { far: false, ..ClothOptions::default() })?;
+    let cloth = match std::env::var("SRGB") {
+        Ok(text) => {
+            let numbers = text.split(',').map(str::parse).collect::<Result<Vec<f32>, _>>()?;
+            let srgb = numbers.try_into().map_err(|_| "SRGB: three numbers")?;
+            cloth.with_colors([YarnColor::Srgb(srgb); 2], cloth.color_of())
+        }
+        Err(_) => cloth,
+    };
     for (k, (name, lamp)) in [("R", [0.0, 80.0, 80.0]), ("T", [0.0, 0.0, -90.0])].into_iter().enumerate() {
         let pictures = render(&cloth, turn, lamp, samples);
         let ours = Figures::new(&pictures.each_ref().map(|of| of.iter().map(|rgb| luminance(*rgb)).collect()));
@@ -95,14 +105,14 @@ fn render_half(cloth: &ClothModel, turn: f32, lamp_mm: [f32; 3], samples: usize,
             let squared = dot(point, point);
             let query = ClothQuery { turn_rad: turn, ..ClothQuery::rgb([1e3 * x, 1e3 * y], wo) };
             let cloth = cloth.at(&query);
-            let f = cloth.eval(unit(point));
-            (0..3).for_each(|k| sum[k] += f[k] * CAMERA_MM * CAMERA_MM / squared);
+            let (f, lens) = (cloth.eval(unit(point)), wo[2].powi(4));
+            (0..3).for_each(|k| sum[k] += lens * f[k] * CAMERA_MM * CAMERA_MM / squared);
             // The lamp itself, through gaps, of radiance that gives the cloth an irradiance of 1 at 80 mm.
             let seen = dot(wo.map(|v| -v), towards);
             if lamp_mm[2] < 0.0 && 1.0 - seen * seen < LAMP_MM * LAMP_MM / dot(to_lamp, to_lamp) {
                 let radiance = CAMERA_MM * CAMERA_MM / (std::f32::consts::PI * LAMP_MM * LAMP_MM);
                 let straight = cloth.straight();
-                (0..3).for_each(|k| sum[k] += radiance * straight[k]);
+                (0..3).for_each(|k| sum[k] += lens * radiance * straight[k]);
             }
         }
         sum.map(|v| v / samples as f32)
@@ -165,7 +175,8 @@ impl Figures {
         });
         let widths_mm = [false, true].map(|down| {
             let line = |at: usize| -> f64 {
-                let of = (SIZE / 2 - BLOCK)..(SIZE / 2 + BLOCK);
+                let beside = |off: usize| [SIZE / 2 - 1 - off, SIZE / 2 + off];
+                let of = (BLOCK..3 * BLOCK).flat_map(beside);
                 of.map(|of| picture[if down { at * SIZE + of } else { of * SIZE + at }]).sum()
             };
             let lines: Vec<f64> = (0..SIZE).map(line).collect();
