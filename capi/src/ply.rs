@@ -79,15 +79,15 @@ pub struct PlywavePlyQuery {
     /// Not 0: every call interpolates the lobes again. 0: `plywave_ply_at` interpolates them once. Batches of
     /// queries are uncached in either case.
     pub uncached: i32,
+    /// Not 0: no relief. 0: with a place, the fibers on the ply's surface show.
+    pub no_relief: i32,
+    /// Not 0: no speckle. 0: with a place, a model with noise has speckle.
+    pub no_speckle: i32,
     /// Small gaps between the fibers, or NULL. Must outlive the query prepared with it.
     pub slit: *const PlywaveSlit,
     /// Place on the ply, for its relief and its speckle, or NULL for the smooth model. Read during the call
     /// only.
     pub place: *const PlywavePlace,
-    /// Not 0: no relief. 0: with a place, the fibers on the ply's surface show.
-    pub no_relief: i32,
-    /// Not 0: no speckle. 0: with a place, a model with noise has speckle.
-    pub no_speckle: i32,
     /// A second layer below, or NULL. Read during the call only. It has no effect for a model without layer
     /// factors.
     pub below: *const PlywaveLayer,

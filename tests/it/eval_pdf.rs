@@ -24,9 +24,9 @@ fn spectrum() -> NoiseSpectrum {
     NoiseSpectrum {
         seed: 7,
         spectrum: [[0.2, 0.1, 0.1, 0.1, 0.1], [0.0, 0.1, 0.1, 0.1, 0.2]].concat(),
-        step_um: [0.5, 1.0],
+        step_um: [0.1, 0.2],
         share: [0.4, 1.0],
-        w0_um: 10.0,
+        w0_um: 1.0,
         lambda_um: 0.4,
         fade: [[1.0, -0.2]; 2],
         contrast: [1.0; 2],

@@ -152,11 +152,15 @@ pub(crate) fn plies<const N: usize>(ply: &Handle<PlywavePly>, model: &PlyModel, 
         assert_eq!(layers[i].reflected, four(below.reflected));
         assert_eq!(layers[i].transmitted_diffuse, four(below.transmitted_diffuse));
         let place = &places[i];
-        let &PlywavePlace { ply_id: ply, azimuth, along_um, footprint_um } = place;
         let query = PlyQuery {
             edge,
             slit: with_slit.then_some(&slit),
-            place: placed.then_some(PlyPlace { ply, azimuth, along_um, footprint_um }),
+            place: placed.then_some(PlyPlace {
+                ply: place.ply_id,
+                azimuth: place.azimuth,
+                along_um: place.along_um,
+                footprint_um: place.footprint_um,
+            }),
             relief,
             speckle: i % 5 != 0,
             below: over.then_some(below),
@@ -170,10 +174,10 @@ pub(crate) fn plies<const N: usize>(ply: &Handle<PlywavePly>, model: &PlyModel, 
             lambda_um: four(lambda),
             no_edge: i32::from(!edge),
             uncached: 0,
-            slit: if with_slit { c_slit.0 } else { null() },
-            place: if placed { place } else { null() },
             no_relief: i32::from(!relief),
             no_speckle: i32::from(i % 5 == 0),
+            slit: if with_slit { c_slit.0 } else { null() },
+            place: if placed { place } else { null() },
             below: if over { &layers[i] } else { null() },
         };
         let mut bsdf: PlywaveBsdf = zeroed();

@@ -161,7 +161,6 @@ fn options(args: &NoiseArgs, patterns: &SpecklePatterns) -> Outcome<NoiseOptions
             NoiseContrastArg::Measured => NoiseContrast::Measured,
             NoiseContrastArg::Full => NoiseContrast::Developed,
         },
-        ..NoiseOptions::default()
     })
 }
 
