@@ -44,7 +44,8 @@ pub struct ClothPlies {
     pub scale: Vec<f32>,
     /// Turn of the fibers about each curve for a step of 1 of its parameter [rad]; whole turns in a period.
     pub(crate) twist: Vec<f32>,
-    /// Way along each curve for a step of 1 of its parameter, and of one vector of the cell or the other [um].
+    /// Way along each curve for a step of 1 of its parameter, and of one vector of the cell or the other
+    /// [um].
     pub(crate) along_um: Vec<[f32; 3]>,
 }
 

@@ -32,10 +32,10 @@ use std::path::Path;
 ///
 /// All angles are in radians, lengths in um, densities in 1/sr; every f is an energy density: BSDF times |cos
 /// theta_o|. Directions are unit vectors in the ply frame and are not normalized. No call allocates, fails or
-/// panics. Where |h| is beyond the nodes, or theta_i or h is NaN, the beam misses: f = 0 and r_d = 1. |theta_i| beyond the nodes counts as
-/// the last node. Absorption is clamped to [0, 1e6]; NaN counts as 0. A `wo` that is not finite, or far from
-/// unit, gives 0. Interpolated ln mu is clamped to [`crate::ply::asg::MU_MIN`] and
-/// [`crate::ply::asg::MU_MAX`], lobe energies to 0 or more.
+/// panics. Where |h| is beyond the nodes, or theta_i or h is NaN, the beam misses: f = 0 and r_d = 1.
+/// |theta_i| beyond the nodes counts as the last node. Absorption is clamped to [0, 1e6]; NaN counts as 0. A
+/// `wo` that is not finite, or far from unit, gives 0. Interpolated ln mu is clamped to
+/// [`crate::ply::asg::MU_MIN`] and [`crate::ply::asg::MU_MAX`], lobe energies to 0 or more.
 #[derive(Clone, Debug)]
 pub struct PlyModel {
     data: PlyData,

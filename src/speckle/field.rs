@@ -9,24 +9,25 @@
 //! ```
 //!
 //! with complex normal c_j of `<|c_j|^2> = 1` and weights of which the sum of squares is 1, so that g is a
-//! circular Gaussian variable of unit variance at each place, direction and wavelength: the mean of N is 1 and
-//! its contrast `sqrt(b (2 - b))`. Fields are blended, never intensities.
+//! circular Gaussian variable of unit variance at each place, direction and wavelength: the mean of N is 1
+//! and its contrast `sqrt(b (2 - b))`. Fields are blended, never intensities.
 //!
 //! **Sources.** Along each fiber of a ply one stands every w0 / 4. The window of the beam's field, `(1 - (d /
 //! (2 w0))^2)^3` with d the distance to the place along the fiber, is within 0.006 of `exp(-(d / w0)^2)` in
-//! the square of its correlation. Half way between two neighboring fibers, a fourth of their distance to either
-//! side, both are blended, with the cosine and the sine of an angle that goes from 0 to pi / 2. Fibers turn
-//! about the ply with its twist ([`PlyPlace::azimuth`]).
+//! the square of its correlation. Half way between two neighboring fibers, a fourth of their distance to
+//! either side, both are blended, with the cosine and the sine of an angle that goes from 0 to pi / 2. Fibers
+//! turn about the ply with its twist ([`PlyPlace::azimuth`]).
 //!
-//! **Positions.** x_j is distributed as the power over the angle (Wiener and Khinchin), which the model stores
-//! ([`NoiseSpectrum`]), and z_j as the light along the beam, normally with the deviation w0 / 2 (van Cittert
-//! and Zernike, Goodman 2007, 4.4). z_j is independent of where the source stands in the window: the
+//! **Positions.** x_j is distributed as the power over the angle (Wiener and Khinchin), which the model
+//! stores ([`NoiseSpectrum`]), and z_j as the light along the beam, normally with the deviation w0 / 2 (van
+//! Cittert and Zernike, Goodman 2007, 4.4). z_j is independent of where the source stands in the window: the
 //! correlation of |g|^2 over place and v is the product of both either way, and the constant phasor keeps its
-//! phase to g along the fiber. The positions of the sources along a fiber are a sequence of low discrepancy in
-//! both (Roberts 2018, "R2"), shifted at random on each fiber, so that those in the window are distributed as
-//! all are: over the directions of one place, too, the covariance is that over places, to one or two hundredths.
-//! Far from a direction a rest is left, one over the number of sources that count: 1/8 of the square of the
-//! field's part on one fiber, 1/15 between two, by which the light of a place in all directions varies.
+//! phase to g along the fiber. The positions of the sources along a fiber are a sequence of low discrepancy
+//! in both (Roberts 2018, "R2"), shifted at random on each fiber, so that those in the window are distributed
+//! as all are: over the directions of one place, too, the covariance is that over places, to one or two
+//! hundredths. Far from a direction a rest is left, one over the number of sources that count: 1/8 of the
+//! square of the field's part on one fiber, 1/15 between two, by which the light of a place in all directions
+//! varies.
 //!
 //! **Coordinates.** All wavelengths are in phase at u = v = 0. The coordinates of a direction are
 //!
@@ -46,8 +47,8 @@
 //! not the ply's axis, about which its grains narrow. Over [`SEAM_RAD`] beside the seam the fields of both
 //! sides are blended, over the root of the power that they have together.
 //!
-//! **Footprints.** Over a footprint of the deviation s, `<exp(-(d / l)^2)>` of two of its points is `1 / sqrt(1
-//! + 4 (s / l)^2)` along an axis, one over the number of grains in it. The contrast falls by its root.
+//! **Footprints.** Over a footprint of the deviation s, `<exp(-(d / l)^2)>` of two of its points is `1 /
+//! sqrt(1 + 4 (s / l)^2)` along an axis, one over the number of grains in it. The contrast falls by its root.
 
 use super::spectrum::NoiseSpectrum;
 use crate::math::erf::erf_inverse;
@@ -71,8 +72,8 @@ const ACROSS: f32 = 0.58;
 const LEAST: f32 = 0.02;
 /// Odd number that spreads small integers over 32 bits.
 const SPREAD: u32 = 0x9e37_79b9;
-/// Steps of the quantiles of positions across and along, from source to source: 2^32 over the root of `x^3 = x
-/// + 1`, and over its square.
+/// Steps of the quantiles of positions across and along, from source to source: 2^32 over the root of `x^3 =
+/// x + 1`, and over its square.
 const STEPS: [u32; 2] = [0xc13f_a9a9, 0x91e1_0da5];
 
 /// The noise of a ply, ready for evaluation. Its tables have the same bits on every machine.
@@ -122,8 +123,8 @@ impl NoiseField {
         self.around
     }
 
-    /// Seed, numbers and tables, for hosts with kernels of their own: number of fibers around, their ring, w0,
-    /// the wavelength of the patterns; of each kind share and fade; sizes, positions along and across.
+    /// Seed, numbers and tables, for hosts with kernels of their own: number of fibers around, their ring,
+    /// w0, the wavelength of the patterns; of each kind share and fade; sizes, positions along and across.
     #[doc(hidden)]
     pub fn numbers(&self) -> (u32, [f32; 10], [&[f32]; 4]) {
         let FibersAround { count, ring_um } = self.around;
@@ -136,8 +137,8 @@ impl NoiseField {
     /// [um]. Their mean over places is 1.
     ///
     /// A direction or a place that is not finite gives 1. Wavelengths are clamped to a tenth and ten times
-    /// that of the simulated patterns; NaN counts as that, and a NaN theta_i as 0. No call fails, allocates or
-    /// panics.
+    /// that of the simulated patterns; NaN counts as that, and a NaN theta_i as 0. No call fails, allocates
+    /// or panics.
     pub fn factors<const N: usize>(
         &self,
         place: &PlyPlace,

@@ -1,5 +1,5 @@
-//! Speckle of cloths: in the mean the light is that of the smooth cloth, patterns go on along yarns from cell to
-//! cell, and neither the direction of a grid of places nor its cells show.
+//! Speckle of cloths: in the mean the light is that of the smooth cloth, patterns go on along yarns from cell
+//! to cell, and neither the direction of a grid of places nor its cells show.
 
 use crate::small_cloth::{ALONE, CELL_UM, RED_BLUE, SPACING_UM, cloth};
 use plywave::cloth::{ClothModel, ClothOptions};

@@ -217,8 +217,8 @@ fn patterns_are_checked_and_seeds_count() {
     }
 }
 
-/// The mean over places is 1 within 0.005 in any direction, at any wavelength and footprint, on the seams too;
-/// the contrast is that of the share, and less by the footprint.
+/// The mean over places is 1 within 0.005 in any direction, at any wavelength and footprint, on the seams
+/// too; the contrast is that of the share, and less by the footprint.
 #[test]
 fn mean_over_places_is_one() {
     let (field, spectrum) = (field(), spectrum());
@@ -433,8 +433,8 @@ fn a_turned_grid_of_places_has_the_same_statistics() {
     }
 }
 
-/// No step of place, as small as it may be, changes N by more than its share: at the cells along a fiber, where
-/// fibers meet, and where the ply closes around.
+/// No step of place, as small as it may be, changes N by more than its share: at the cells along a fiber,
+/// where fibers meet, and where the ply closes around.
 #[test]
 fn patterns_change_smoothly_with_the_place() {
     let field = field();
@@ -677,8 +677,8 @@ fn models_keep_their_noise() {
     }
 }
 
-/// The mean of eval over places is the smooth eval; no place, no wish for it, or a model without noise, is the
-/// smooth eval itself.
+/// The mean of eval over places is the smooth eval; no place, no wish for it, or a model without noise, is
+/// the smooth eval itself.
 #[test]
 fn eval_over_places_averages_to_the_smooth_model() {
     let bare = crate::synthetic::model(1, crate::synthetic::STANDARD);
