@@ -91,43 +91,34 @@ fn patterns_go_on_from_cell_to_cell() {
     assert!(worst < 0.05, "{worst}");
 }
 
-/// Over a grid of places that is turned by 37 degrees, the contrast and the covariance of neighbors are those
-/// of the grid along the yarns.
+/// Over a grid of places that is turned by 37 degrees, the contrast is that of the grid along the yarns.
+/// (From place to place the tangent of a bent yarn turns away from the light, along the yarn alone: neighbors
+/// are compared on a straight ply, in the tests of the fit.)
 #[test]
-fn a_turned_grid_has_the_same_statistics() {
-    let (side, step_um) = (160, 1.1);
-    let over = |turn_rad: f32| -> [[f64; 2]; 2] {
-        let (mut all, blocks) = (Vec::new(), 16);
-        for block in 0..blocks {
-            let mut n = vec![f64::NAN; side * side];
+fn a_turned_grid_has_the_same_contrast() {
+    let (side, step_um, blocks) = (160, 1.1, 16);
+    let over = |turn_rad: f32| -> [f64; 2] {
+        let variance = |block: i32| {
+            let (mut sum, mut count) = (0.0, 0.0);
             for i in 0..side {
                 for j in 0..side {
                     let at = [i as f32 + 4e3 * block as f32, j as f32 + 900.0 * block as f32].map(|x| step_um * x);
                     let [with, without] = both(at, LIGHTS[0], 0.0, turn_rad);
                     if without > 0.0 {
-                        n[i * side + j] = with / without - 1.0;
+                        (sum, count) = (sum + (with / without - 1.0).powi(2), count + 1.0);
                     }
                 }
             }
-            let covariance = |d: usize| {
-                let pairs = (0..side * side - d).map(|i| n[i] * n[i + d]).filter(|x| x.is_finite());
-                let (sum, count) = pairs.fold((0.0, 0.0), |(sum, count), x| (sum + x, count + 1.0));
-                sum / count
-            };
-            all.push([covariance(0), 0.5 * (covariance(1) + covariance(side))]);
-        }
+            sum / count
+        };
+        let all: Vec<f64> = (0..blocks).map(variance).collect();
         let n = all.len() as f64;
-        [0, 1].map(|k| {
-            let mean = all.iter().map(|s| s[k]).sum::<f64>() / n;
-            let square = all.iter().map(|s| (s[k] - mean).powi(2)).sum::<f64>();
-            [mean, (square / n / (n - 1.0)).sqrt()]
-        })
+        let mean = all.iter().sum::<f64>() / n;
+        let square: f64 = all.iter().map(|v| (v - mean).powi(2)).sum();
+        [mean, (square / n / (n - 1.0)).sqrt()]
     };
     let (even, turned) = (over(0.0), over(37f32.to_radians()));
     println!("{even:?} {turned:?}");
-    for k in 0..2 {
-        let limit = 5.0 * even[k][1].hypot(turned[k][1]);
-        assert!((even[k][0] - turned[k][0]).abs() < limit, "{k}: {even:?} {turned:?}");
-        assert!(limit < 0.25, "{k}: known to {limit}");
-    }
+    let limit = 5.0 * even[1].hypot(turned[1]);
+    assert!((even[0] - turned[0]).abs() < limit && limit < 0.25, "{even:?} {turned:?}");
 }
