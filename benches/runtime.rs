@@ -12,9 +12,9 @@ mod synthetic;
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use plywave::frame::direction;
 use plywave::gap::{Aperture, Gap, SLIT_SHARE, Slit};
-use plywave::ply::{PlyData, Queries};
+use plywave::ply::{FibersAround, PlyData, PlyPlace, Queries};
 use plywave::spec::GaussianBeam;
-use plywave::speckle::{Instance, Noise, NoiseTiles};
+use plywave::speckle::NoiseSpectrum;
 use plywave::{Bsdf, PlyModel, PlyQuery};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
@@ -44,24 +44,28 @@ fn queries() -> Vec<Query> {
         .collect()
 }
 
-/// Tiles of the standard sizes; their content does not affect the time.
-fn tiles() -> NoiseTiles {
-    let mut rng = Pcg64Mcg::seed_from_u64(2);
-    let sizes = [4, 512, 1024];
-    let (mut tiles, mut code) = (Vec::new(), Vec::new());
-    for _ in 0..2 * sizes[0] {
-        let values: Vec<f64> = (0..sizes[1] * sizes[2]).map(|_| -rng.random::<f64>().max(1e-6).ln()).collect();
-        let (codes, scale) = NoiseTiles::code(&values);
-        tiles.extend(codes);
-        code.extend(scale);
+/// Noise of both kinds; its numbers do not affect the time.
+fn spectrum() -> NoiseSpectrum {
+    NoiseSpectrum {
+        seed: 2,
+        spectrum: vec![1.0 / 199.0; 200],
+        step_um: [0.1; 2],
+        share: [0.3, 1.0],
+        w0_um: 10.0,
+        lambda_um: 0.4,
+        fade: [[1.0, 0.0]; 2],
+        contrast: [1.0; 2],
     }
-    let step = [[0.00265, 0.0015]; 2];
-    NoiseTiles { tiles, sizes, code, step, lambda_um: 0.4, fade: [[1.0, 0.0]; 2], contrast: [[1.0; 2]; 2] }
 }
 
-/// Factors of one instance after another, as a host needs them, and of one instance in all directions.
+/// A place on ply i.
+fn place(i: usize) -> Option<PlyPlace> {
+    Some(PlyPlace::new(i as u32, 0.01 * i as f32, 3.0 * i as f32))
+}
+
+/// Factors of one place after another, as a host needs them, and what speckle adds to an eval.
 fn noise(c: &mut Criterion) {
-    let tiles = tiles();
+    let field = spectrum().field(FibersAround { count: 9.0, ring_um: 20.0 });
     let q = queries();
     let lambda = [0.45, 0.52, 0.59, 0.66];
     let mut i = 0;
@@ -69,36 +73,31 @@ fn noise(c: &mut Criterion) {
         i = (i + 1) % QUERIES;
         (i, q[i])
     };
-    let data =
-        PlyData::load(concat!(env!("CARGO_MANIFEST_DIR"), "/fabrics/models/silk.pwm")).expect("a model that ships");
-    if let Some(Noise::Spectrum(spectrum)) = &data.noise {
-        c.bench_function("noise tiles of silk made of their spectrum", |b| b.iter(|| black_box(spectrum.tiles())));
-    }
-    c.bench_function("noise factors N=4, new instances", |b| {
+    c.bench_function("noise tables made of their spectrum", |b| {
+        b.iter(|| black_box(spectrum().field(FibersAround { count: 9.0, ring_um: 20.0 })))
+    });
+    c.bench_function("noise factors N=4, new places", |b| {
         b.iter(|| {
-            let (i, (theta_i, _, _, wo, _)) = next();
-            black_box(tiles.factors(Instance::new(i as u32, [0.0; 2], 1.0), theta_i, wo, lambda))
+            let (i, (theta_i, h, _, wo, _)) = next();
+            black_box(place(i).map(|place| field.factors(&place, 0.1 * h, theta_i, wo, lambda)))
         })
     });
-    c.bench_function("noise factors N=1, new instances", |b| {
+    c.bench_function("noise factors N=1, new places", |b| {
         b.iter(|| {
-            let (i, (theta_i, _, _, wo, _)) = next();
-            black_box(tiles.factors(Instance::new(i as u32, [0.0; 2], 1.0), theta_i, wo, [0.55]))
+            let (i, (theta_i, h, _, wo, _)) = next();
+            black_box(place(i).map(|place| field.factors(&place, 0.1 * h, theta_i, wo, [0.55])))
         })
     });
-    c.bench_function("noise factors N=4, one instance", |b| {
-        b.iter(|| {
-            let (_, (theta_i, _, _, wo, _)) = next();
-            black_box(tiles.factors(Instance::new(1, [0.0; 2], 1.0), theta_i, wo, lambda))
-        })
-    });
-    let data = PlyData { noise: Some(tiles.clone().into()), ..model(1, Sizes { refl: 3, ..STANDARD }) };
+    let data = PlyData { noise: Some(spectrum()), ..model(1, Sizes { refl: 3, ..STANDARD }) };
     let m = PlyModel::from_data(data).expect("the planted model is valid");
-    c.bench_function("eval of an instance N=4", |b| {
+    c.bench_function("eval of a place N=4", |b| {
         b.iter(|| {
             let (i, (theta_i, h, sigma, wo, _)) = next();
-            let instance = Some(Instance::new(i as u32, [0.0; 2], 1.0));
-            black_box(m.at(&PlyQuery { instance, cached: false, ..PlyQuery::new(theta_i, h, sigma, lambda) }).eval(wo))
+            let place = place(i);
+            black_box(
+                m.at(&PlyQuery { place, relief: false, cached: false, ..PlyQuery::new(theta_i, h, sigma, lambda) })
+                    .eval(wo),
+            )
         })
     });
     c.bench_function("eval of all terms, smooth, N=4", |b| {
@@ -227,25 +226,20 @@ fn whole(c: &mut Criterion, q: &[Query]) {
             black_box(m.at(&at(&q[i])).eval(forward[i]))
         })
     });
-    let noisy =
-        PlyModel::from_data(PlyData { noise: Some(tiles().into()), ..m.data().clone() }).expect("a valid model");
-    for (name, instances) in [("new instances", true), ("one instance", false)] {
+    let noisy = PlyModel::from_data(PlyData { noise: Some(spectrum()), ..m.data().clone() }).expect("a valid model");
+    for (name, places) in [("new places", true), ("one place", false)] {
         group.bench_function(format!("eval N=4, noise, {name}"), |b| {
             b.iter(|| {
                 let i = next();
-                let instance = Some(Instance::new(if instances { i as u32 } else { 0 }, [0.0; 2], 1.0));
-                black_box(noisy.at(&PlyQuery { instance, ..at(&q[i]) }).eval(q[i].3))
+                let place = place(if places { i } else { 0 });
+                black_box(noisy.at(&PlyQuery { place, relief: false, ..at(&q[i]) }).eval(q[i].3))
             })
         });
     }
     group.bench_function("prepare N=4, noise", |b| {
         b.iter(|| {
             let i = next();
-            black_box(noisy.at(&PlyQuery {
-                instance: Some(Instance::new(i as u32, [0.0; 2], 1.0)),
-                cached: true,
-                ..at(&q[i])
-            }))
+            black_box(noisy.at(&PlyQuery { place: place(i), relief: false, cached: true, ..at(&q[i]) }))
         })
     });
     // Many incidences that hit, so that the processor cannot learn the directions of one; as many as fit the
@@ -255,7 +249,7 @@ fn whole(c: &mut Criterion, q: &[Query]) {
         .take(16)
         .map(|i| {
             let smooth = PlyQuery { cached: true, ..at(&q[i]) };
-            let speckled = PlyQuery { instance: Some(Instance::new(i as u32, [0.0; 2], 1.0)), ..smooth };
+            let speckled = PlyQuery { place: place(i), relief: false, ..smooth };
             (noisy.at(&speckled), noisy.at(&smooth))
         })
         .collect();

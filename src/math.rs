@@ -6,7 +6,6 @@
 pub mod axis;
 pub mod erf;
 pub mod faddeeva;
-pub(crate) mod fft;
 pub(crate) mod half;
 pub mod hash;
 pub(crate) mod simd;

@@ -13,6 +13,7 @@ mod layers;
 mod lines;
 mod model;
 mod on;
+mod place;
 mod queries;
 mod query;
 #[doc(hidden)]
@@ -43,6 +44,7 @@ pub use layers::{Layer, TwoLayers};
 pub(crate) use lines::{PASSED_COLUMNS, PASSED_ROWS};
 pub use model::PlyModel;
 pub(crate) use on::{UncachedPly, hit_chance};
+pub use place::{FibersAround, PlyPlace};
 pub use queries::Queries;
 pub use query::{PlyQuery, PlyTerms};
-pub use relief::{PlyPlace, Relief};
+pub use relief::Relief;

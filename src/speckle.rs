@@ -1,14 +1,12 @@
 //! Speckle: patterns of simulated fibers and the statistics that noise must match; and noise, whose spectrum
-//! is stored in a model, whose tiles are made from it at first use, and which a query looks up.
+//! is stored in a model, and the field of sources that a query evaluates.
 
-mod lookup;
-mod noise;
+mod field;
 mod patterns;
 mod spectrum;
-mod tiles;
 
-pub(crate) use lookup::Speckle;
-pub use noise::Noise;
+pub(crate) use field::Speckle;
+pub use field::{NoiseField, SEAM_RAD};
 pub use patterns::{FORWARD_RAD, SpecklePatterns, SpecklePolarization, SpeckleSide, SpeckleStatistics};
+pub(crate) use spectrum::NAMES as NOISE_NAMES;
 pub use spectrum::NoiseSpectrum;
-pub use tiles::{Instance, NoiseTiles, SEAM_RAD};

@@ -23,9 +23,9 @@
 // Largest number of wavelengths or channels of a query.
 #define PLYWAVE_MAX_COUNT 4
 
-// Size of a prepared query in 64-bit words, without its tag: 6.5 KB with the tag, the size of the largest, a
+// Size of a prepared query in 64-bit words, without its tag: 9.5 KB with the tag, the size of the largest, a
 // cloth at four wavelengths.
-#define PLYWAVE_BSDF_WORDS 848
+#define PLYWAVE_BSDF_WORDS 1216
 
 // Bytes of a message, including its final 0.
 #define PLYWAVE_MESSAGE_SIZE 496
@@ -459,17 +459,18 @@ typedef struct PlywaveLayer {
     float transmitted_diffuse[PLYWAVE_MAX_COUNT];
 } PlywaveLayer;
 
-// Selects the speckle patterns at a point of a ply, from its position on the ply and the `h_um` of the
-// query.
-typedef struct PlywaveInstance {
-    // Number of the ply.
+// A place on a ply, whose relief and speckle are asked.
+typedef struct PlywavePlace {
+    // Number of the ply: others have other fibers.
     uint32_t ply_id;
-    // Position along its fibers [um].
-    float position_um;
-    // Length and width of a grain, which has one set of patterns [um]; 0 for one set for the whole ply.
-    // Twice the beam's waist is a good value.
-    float grain_um;
-} PlywaveInstance;
+    // Azimuth of the viewer, the frame's y axis, among the fibers [rad]: about the ply's axis, from an axis
+    // that turns with the twist, counterclockwise as seen from the end of the z axis.
+    float azimuth;
+    // Place along the ply's axis [um], from any origin that is the same all along the ply.
+    float along_um;
+    // Diameter of the part of the ply that the query stands for [um]; 0 for a point.
+    float footprint_um;
+} PlywavePlace;
 
 // A query at a shading point of a ply. Start from zeroed memory: 0 and NULL mean the default.
 //
@@ -492,10 +493,15 @@ typedef struct PlywavePlyQuery {
     // Not 0: every call interpolates the lobes again. 0: `plywave_ply_at` interpolates them once. Batches of
     // queries are uncached in either case.
     int32_t uncached;
+    // Not 0: no relief. 0: with a place, the fibers on the ply's surface show.
+    int32_t no_relief;
+    // Not 0: no speckle. 0: with a place, a model with noise has speckle.
+    int32_t no_speckle;
     // Small gaps between the fibers, or NULL. Must outlive the query prepared with it.
     const struct PlywaveSlit *slit;
-    // Speckle patterns, or NULL for the smooth model. Read during the call only.
-    const struct PlywaveInstance *instance;
+    // Place on the ply, for its relief and its speckle, or NULL for the smooth model. Read during the call
+    // only.
+    const struct PlywavePlace *place;
     // A second layer below, or NULL. Read during the call only. It has no effect for a model without layer
     // factors.
     const struct PlywaveLayer *below;

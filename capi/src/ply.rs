@@ -10,9 +10,8 @@ use crate::queries::{
 use crate::status::{Checked, PlywaveError, PlywaveStatus, failure, guard};
 use plywave::gap::Slit;
 use plywave::io::ModelLibrary;
-use plywave::ply::{Layer, Queries};
+use plywave::ply::{Layer, PlyPlace, Queries};
 use plywave::spec::YarnSpec;
-use plywave::speckle::Instance;
 use plywave::{Bsdf, PlyModel, PlyQuery};
 use std::ffi::c_char;
 
@@ -28,18 +27,19 @@ const _: () = {
     is_send_sync::<PlywaveSlit>();
 };
 
-/// Selects the speckle patterns at a point of a ply, from its position on the ply and the `h_um` of the
-/// query.
+/// A place on a ply, whose relief and speckle are asked.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct PlywaveInstance {
-    /// Number of the ply.
+pub struct PlywavePlace {
+    /// Number of the ply: others have other fibers.
     pub ply_id: u32,
-    /// Position along its fibers [um].
-    pub position_um: f32,
-    /// Length and width of a grain, which has one set of patterns [um]; 0 for one set for the whole ply.
-    /// Twice the beam's waist is a good value.
-    pub grain_um: f32,
+    /// Azimuth of the viewer, the frame's y axis, among the fibers [rad]: about the ply's axis, from an axis
+    /// that turns with the twist, counterclockwise as seen from the end of the z axis.
+    pub azimuth: f32,
+    /// Place along the ply's axis [um], from any origin that is the same all along the ply.
+    pub along_um: f32,
+    /// Diameter of the part of the ply that the query stands for [um]; 0 for a point.
+    pub footprint_um: f32,
 }
 
 /// Layer factors of a yarn: how it scatters the light that hits its fibers; from `plywave_ply_layer`.
@@ -79,10 +79,15 @@ pub struct PlywavePlyQuery {
     /// Not 0: every call interpolates the lobes again. 0: `plywave_ply_at` interpolates them once. Batches of
     /// queries are uncached in either case.
     pub uncached: i32,
+    /// Not 0: no relief. 0: with a place, the fibers on the ply's surface show.
+    pub no_relief: i32,
+    /// Not 0: no speckle. 0: with a place, a model with noise has speckle.
+    pub no_speckle: i32,
     /// Small gaps between the fibers, or NULL. Must outlive the query prepared with it.
     pub slit: *const PlywaveSlit,
-    /// Speckle patterns, or NULL for the smooth model. Read during the call only.
-    pub instance: *const PlywaveInstance,
+    /// Place on the ply, for its relief and its speckle, or NULL for the smooth model. Read during the call
+    /// only.
+    pub place: *const PlywavePlace,
     /// A second layer below, or NULL. Read during the call only. It has no effect for a model without layer
     /// factors.
     pub below: *const PlywaveLayer,
@@ -137,14 +142,21 @@ unsafe fn query_of<'a, const N: usize>(q: &PlywavePlyQuery, cached: bool) -> Che
     finite(q.h_um, "h_um")?;
     let (sigma_per_um, lambda_um) = (first(&q.sigma_per_um, "sigma_per_um")?, wavelengths(&q.lambda_um)?);
     // SAFETY: the caller's pointers, as documented.
-    let (slit, instance, below) =
-        unsafe { (optional(q.slit, "slit")?, optional(q.instance, "instance")?, optional(q.below, "below")?) };
-    let instance = instance.map(|i| Instance::new(i.ply_id, [i.position_um, q.h_um], i.grain_um));
+    let (slit, place, below) =
+        unsafe { (optional(q.slit, "slit")?, optional(q.place, "place")?, optional(q.below, "below")?) };
+    let place = place.map(|&PlywavePlace { ply_id: ply, azimuth, along_um, footprint_um }| PlyPlace {
+        ply,
+        azimuth,
+        along_um,
+        footprint_um,
+    });
     let below = below.map(layer_of).transpose()?;
     Ok(PlyQuery {
         edge: q.no_edge == 0,
         slit: slit.map(|slit| &slit.0),
-        instance,
+        place,
+        relief: q.no_relief == 0,
+        speckle: q.no_speckle == 0,
         below,
         cached,
         ..PlyQuery::new(q.theta_i, q.h_um, sigma_per_um, lambda_um)

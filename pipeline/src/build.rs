@@ -20,7 +20,7 @@ pub struct Times {
     pub simulate: Duration,
     /// The yarn's table, if there is one, and the fit.
     pub fit: Duration,
-    /// Speckle: solving and tiles.
+    /// Speckle: solving and fit.
     pub speckle: Duration,
 }
 

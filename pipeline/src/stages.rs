@@ -7,7 +7,7 @@ use plywave::ply::{EdgeLobes, PlyData};
 use plywave::spec::YarnSpec;
 use plywave::speckle::SpecklePatterns;
 use plywave::table::Table;
-use plywave_fit::speckle::{NoiseOptions, noise_tiles};
+use plywave_fit::speckle::{NoiseOptions, noise_spectrum};
 use plywave_fit::{EdgeOptions, FitOptions, fit, fit_edge, frame};
 use plywave_sim::runs::{self, PartsFolder};
 use plywave_sim::wave::{SpeckleJob, SpeckleOptions};
@@ -127,7 +127,7 @@ pub(crate) fn with_lobes_of(options: &FitOptions, spec: &YarnSpec) -> FitOptions
     options
 }
 
-/// Sizes of the speckle patterns for a recipe's tiles.
+/// Options of the speckle patterns for a recipe's noise.
 pub fn speckle_options(recipe: &Recipe, instances: Option<u32>) -> SpeckleOptions {
     let usual = SpeckleOptions::default();
     SpeckleOptions { seed: recipe.seed, instances: instances.unwrap_or(usual.instances), ..usual }
@@ -152,9 +152,9 @@ pub fn solve_speckle(
 /// patterns in messages.
 ///
 /// # Errors
-/// Those of [`noise_tiles`].
+/// Those of [`noise_spectrum`].
 pub fn add_speckle(model: &mut PlyData, patterns: &SpecklePatterns, spec: &YarnSpec, file: &str) -> Result<(), Error> {
-    model.noise = Some(noise_tiles(patterns, &noise_options(model.seed, spec), file)?.0.into());
+    model.noise = Some(noise_spectrum(patterns, &noise_options(model.seed, spec), file)?.0);
     Ok(())
 }
 

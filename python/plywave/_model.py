@@ -11,7 +11,7 @@ from . import _plywave
 from ._plywave import Error
 from ._arrays import Queries, call, channels, count_of, floats, integers, lambdas
 from ._files import Document, PathLike, Table
-from ._results import Layer, Outcomes, Samples, Slit, Terms
+from ._results import Layer, Outcomes, Place, Samples, Slit, Terms
 from ._threads import get_threads
 
 
@@ -25,8 +25,8 @@ class Model(Document):
     - `omega_o` `[..., 3]`: outgoing directions, unit.
     - `sigma_per_um` `[..., N]`: absorptions of the fibers [1/um], N from 1 to 8: the color. A number alone is N = 1.
     - `lambda_um` `[..., N]`: wavelengths [um]; by default those of R, G, B for N = 3, else 0.55. Edge light, slits and speckle depend on them.
-    - `instance` `[...]`: whole numbers, 0 or more, each of which stands for one speckle pattern of a model with noise (`has_noise`); by default the smooth model.
-      Sampling, pdf and albedo are those of the smooth model.
+    - `place`: a `Place`, where on the ply: its fibers show by their relief, and by speckle in a model with noise (`has_noise`); by default the smooth model.
+      `relief=False` and `speckle=False` leave one out. Sampling, pdf and albedo are those of the smooth model.
     - `edge`: light that passes beside the ply is diffracted at its edge; otherwise it goes straight on.
     - `below`: a second layer of yarn below (Yu 2025, 5.4): a `Layer`, from `layer` of its model. Not for a model without layer factors (`has_layers`).
     - `slit`: a `Slit`, small gaps between the fibers; has no effect over a second layer.
@@ -86,7 +86,7 @@ class Model(Document):
         """Greatest difference of eval from the values stored in the file, over the greatest of them; 0 when none are stored."""
         return self._rust.reference_error
 
-    def _ask(self, what: str, widths: Tuple[int, ...], theta_i: Any, h_um: Any, sigma: Any, lambda_um: Any, edge: bool, w: Any = None, w_name: str = "omega_o", instance: Any = None, below: Optional[Layer] = None, slit: Optional[Slit] = None) -> Tuple[Queries, int, List[np.ndarray]]:
+    def _ask(self, what: str, widths: Tuple[int, ...], theta_i: Any, h_um: Any, sigma: Any, lambda_um: Any, edge: bool, w: Any = None, w_name: str = "omega_o", place: Optional[Place] = None, relief: bool = True, speckle: bool = True, below: Optional[Layer] = None, slit: Optional[Slit] = None) -> Tuple[Queries, int, List[np.ndarray]]:
         scalars = {"theta_i": floats(theta_i, "theta_i"), "h_um": floats(h_um, "h_um")}
         sigmas = channels(sigma, "sigma_per_um")
         wavelengths = lambdas(lambda_um, sigmas.shape[-1])
@@ -102,8 +102,11 @@ class Model(Document):
         n = count_of(vectors)
         if w is not None:
             vectors[w_name] = floats(w, w_name, 3)
-        if instance is not None:
-            scalars["instance"] = integers(instance, "instance")
+        if place is not None:
+            if not isinstance(place, Place):
+                raise Error(f"place: {type(place).__name__}: give a Place")
+            scalars["place.ply"] = integers(place.ply, "place.ply")
+            scalars |= {f"place.{part}": floats(getattr(place, part), f"place.{part}") for part in Place._fields[1:]}
         q = Queries(scalars, vectors)
         ask = {
             "n": q.n,
@@ -113,7 +116,8 @@ class Model(Document):
             "sigma": q.flat(sigmas, (n,)),
             "lambda": q.flat(wavelengths, (n,)),
             "w": None if w is None else q.flat(vectors[w_name], (3,)),
-            "instance": None if instance is None else q.flat(scalars["instance"]),
+            "place": None if place is None else tuple(q.flat(scalars[f"place.{part}"]) for part in Place._fields),
+            "shown": (bool(relief), bool(speckle)),
             "below": None if below is None else [q.flat(vectors[f"below.{part}"], (n,)) for part in Layer._fields],
             "slit": None if slit is None else (float(slit.width_um), float(slit.share)),
             "edge": bool(edge),
@@ -121,9 +125,9 @@ class Model(Document):
         }
         return q, n, call(self._rust, what, ask, *(width or n for width in widths), events=what == "sample")
 
-    def eval(self, theta_i: Any, h_um: Any, omega_o: Any, sigma_per_um: Any, lambda_um: Any = None, *, edge: bool = True, instance: Any = None, below: Optional[Layer] = None, slit: Optional[Slit] = None) -> np.ndarray:
+    def eval(self, theta_i: Any, h_um: Any, omega_o: Any, sigma_per_um: Any, lambda_um: Any = None, *, edge: bool = True, place: Optional[Place] = None, relief: bool = True, speckle: bool = True, below: Optional[Layer] = None, slit: Optional[Slit] = None) -> np.ndarray:
         """f `[..., N]` [1/sr] in the directions `omega_o`."""
-        q, n, (f,) = self._ask("eval", (0,), theta_i, h_um, sigma_per_um, lambda_um, edge, omega_o, instance=instance, below=below, slit=slit)
+        q, n, (f,) = self._ask("eval", (0,), theta_i, h_um, sigma_per_um, lambda_um, edge, omega_o, place=place, relief=relief, speckle=speckle, below=below, slit=slit)
         return q.rows(f, n)
 
     def pdf(self, theta_i: Any, h_um: Any, omega_o: Any, sigma_per_um: Any, lambda_um: Any = None, *, edge: bool = True, below: Optional[Layer] = None, slit: Optional[Slit] = None) -> np.ndarray:
@@ -131,14 +135,14 @@ class Model(Document):
         q, _, (pdf,) = self._ask("pdf", (1,), theta_i, h_um, sigma_per_um, lambda_um, edge, omega_o, below=below, slit=slit)
         return q.rows(pdf)
 
-    def eval_pdf(self, theta_i: Any, h_um: Any, omega_o: Any, sigma_per_um: Any, lambda_um: Any = None, *, edge: bool = True, instance: Any = None, below: Optional[Layer] = None, slit: Optional[Slit] = None) -> "tuple[np.ndarray, np.ndarray]":
+    def eval_pdf(self, theta_i: Any, h_um: Any, omega_o: Any, sigma_per_um: Any, lambda_um: Any = None, *, edge: bool = True, place: Optional[Place] = None, relief: bool = True, speckle: bool = True, below: Optional[Layer] = None, slit: Optional[Slit] = None) -> "tuple[np.ndarray, np.ndarray]":
         """`eval` and `pdf` in about the time of one."""
-        q, n, (f, pdf) = self._ask("eval_pdf", (0, 1), theta_i, h_um, sigma_per_um, lambda_um, edge, omega_o, instance=instance, below=below, slit=slit)
+        q, n, (f, pdf) = self._ask("eval_pdf", (0, 1), theta_i, h_um, sigma_per_um, lambda_um, edge, omega_o, place=place, relief=relief, speckle=speckle, below=below, slit=slit)
         return q.rows(f, n), q.rows(pdf)
 
-    def sample(self, theta_i: Any, h_um: Any, u: Any, sigma_per_um: Any, lambda_um: Any = None, *, edge: bool = True, instance: Any = None, below: Optional[Layer] = None, slit: Optional[Slit] = None) -> Samples:
+    def sample(self, theta_i: Any, h_um: Any, u: Any, sigma_per_um: Any, lambda_um: Any = None, *, edge: bool = True, place: Optional[Place] = None, relief: bool = True, speckle: bool = True, below: Optional[Layer] = None, slit: Optional[Slit] = None) -> Samples:
         """What becomes of light, from three uniform numbers `u` `[..., 3]` in [0, 1) per query."""
-        q, n, (w, weight, pdf, event) = self._ask("sample", (3, 0, 1), theta_i, h_um, sigma_per_um, lambda_um, edge, u, "u", instance, below=below, slit=slit)
+        q, n, (w, weight, pdf, event) = self._ask("sample", (3, 0, 1), theta_i, h_um, sigma_per_um, lambda_um, edge, u, "u", place, relief, speckle, below=below, slit=slit)
         return Samples(q.rows(w, 3), q.rows(weight, n), q.rows(pdf), q.rows(event))
 
     def albedo(self, theta_i: Any, h_um: Any, sigma_per_um: Any, lambda_um: Any = None, *, edge: bool = True, below: Optional[Layer] = None, slit: Optional[Slit] = None) -> np.ndarray:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -59,6 +59,19 @@ class Slit(NamedTuple):
     """Above 0, at most 5."""
     share: float = 0.25
     """Share of the forward light that goes through, 0 to 1."""
+
+
+class Place(NamedTuple):
+    """Places on plies, which have their own relief and speckle, `[...]` each; `place=` takes it."""
+
+    ply: Any
+    """Numbers of the plies, whole, 0 or more: others have other fibers."""
+    azimuth: Any = 0.0
+    """Azimuth of the viewer, the frame's y axis, among the fibers [rad]: from an axis that turns with the twist, counterclockwise as seen from the end of z."""
+    along_um: Any = 0.0
+    """Place along the ply's axis [um], from any origin that is the same all along the ply."""
+    footprint_um: Any = 0.0
+    """Diameter of the part of the ply that a query stands for [um]; 0 for a point."""
 
 
 class Outcomes(NamedTuple):

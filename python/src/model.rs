@@ -6,9 +6,8 @@ use crate::batch::{
 use crate::errors::{Failure, Outcome};
 use numpy::{IntoPyArray, PyReadonlyArray1};
 use plywave::gap::Slit;
-use plywave::ply::{Layer, PlyData, Queries};
+use plywave::ply::{Layer, PlyData, PlyPlace, Queries};
 use plywave::spec::YarnSpec;
-use plywave::speckle::Instance;
 use plywave::table::Table;
 use plywave::{PlyBsdf, PlyModel, PlyQuery};
 use plywave_pipeline::model_library;
@@ -34,8 +33,10 @@ pub(crate) struct PlyArrays<'py> {
     sigma: Floats<'py>,
     lambda: Floats<'py>,
     w: Option<Floats<'py>>,
-    /// Numbers of speckle instances; absent for the smooth model.
-    instance: Option<PyReadonlyArray1<'py, u64>>,
+    /// Places: numbers of plies, azimuths, ways along them and footprints; absent for the smooth model.
+    place: Option<(PyReadonlyArray1<'py, u64>, Floats<'py>, Floats<'py>, Floats<'py>)>,
+    /// With places: relief and speckle.
+    shown: (bool, bool),
     /// A layer of yarn below: r, t, r* and t*.
     below: Option<[Floats<'py>; 4]>,
     /// Width [um] and share of slits between the fibers.
@@ -44,8 +45,8 @@ pub(crate) struct PlyArrays<'py> {
     threads: usize,
 }
 
-/// A query as numbers: theta_i, h, absorptions, wavelengths, instance, and the row of the layer below.
-type Numbers<const N: usize> = (f32, f32, [f32; N], [f32; N], Option<u64>, Option<usize>);
+/// A query as numbers: theta_i, h, absorptions, wavelengths, place, and the row of the layer below.
+type Numbers<const N: usize> = (f32, f32, [f32; N], [f32; N], Option<PlyPlace>, Option<usize>);
 
 /// A smooth ply alone: theta_i, h, absorptions, wavelengths.
 type PlainNumbers<const N: usize> = (f32, f32, [f32; N], [f32; N]);
@@ -66,7 +67,7 @@ impl<'a> PlainAt<'a> {
 impl<'a, const N: usize> At<PlainNumbers<N>> for PlainAt<'a> {
     type Bsdf = PlyBsdf<'a, N>;
 
-    // What is prepared of a query takes 1.3 KB: compiled into the loop over queries, and without what else a
+    // What is prepared of a query takes 2.2 KB: compiled into the loop over queries, and without what else a
     // query may have, most of it never exists.
     #[inline(always)]
     fn one(&self, query: &PlainNumbers<N>) -> PlyBsdf<'a, N> {
@@ -82,12 +83,13 @@ impl<'a, const N: usize> At<PlainNumbers<N>> for PlainAt<'a> {
 struct PlyAt<'a, const N: usize> {
     model: &'a PlyModel,
     edge: bool,
+    shown: (bool, bool),
     slit: Option<&'a Slit>,
     below: Option<[Rows<'a, N>; 4]>,
 }
 
 impl<'a, const N: usize> PlyAt<'a, N> {
-    fn at(&self, &(theta_i, h_um, sigma, lambda, hash, row): &Numbers<N>, cached: bool) -> PlyBsdf<'a, N> {
+    fn at(&self, &(theta_i, h_um, sigma, lambda, place, row): &Numbers<N>, cached: bool) -> PlyBsdf<'a, N> {
         let below = match (&self.below, row) {
             (Some(of), Some(i)) => {
                 let [reflected, transmitted, reflected_diffuse, transmitted_diffuse] = of.each_ref().map(|r| r.get(i));
@@ -95,8 +97,9 @@ impl<'a, const N: usize> PlyAt<'a, N> {
             }
             _ => None,
         };
-        let (edge, slit, instance) = (self.edge, self.slit, hash.map(Instance::from_hash));
-        let query = PlyQuery { edge, cached, instance, slit, below, ..PlyQuery::new(theta_i, h_um, sigma, lambda) };
+        let (edge, slit, (relief, speckle)) = (self.edge, self.slit, self.shown);
+        let smooth = PlyQuery::new(theta_i, h_um, sigma, lambda);
+        let query = PlyQuery { edge, cached, place, relief, speckle, slit, below, ..smooth };
         self.model.at(&query)
     }
 }
@@ -282,20 +285,24 @@ impl Model {
         let sigma: Rows<'_, N> = Rows::new(&arrays.sigma, n, "sigma_per_um")?;
         let lambda: Rows<'_, N> = Rows::new(&arrays.lambda, n, "lambda_um")?;
         let w: Option<Rows<'_, 3>> = arrays.w.as_ref().map(|w| Rows::new(w, n, "omega_o")).transpose()?;
-        let instances = match &arrays.instance {
-            None => &[][..],
-            Some(array) => array.as_slice().map_err(|_| Failure::Input("instance: not contiguous".into()))?,
+        let places = match &arrays.place {
+            None => None,
+            Some((ply, azimuth, along_um, footprint_um)) => {
+                let ply = ply.as_slice().map_err(|_| Failure::Input("place.ply: not contiguous".into()))?;
+                if ply.len() != 1 && ply.len() != n {
+                    return Err(Failure::Input("place.ply: of another length".into()));
+                }
+                let azimuth: Rows<'_, 1> = Rows::new(azimuth, n, "place.azimuth")?;
+                let along_um: Rows<'_, 1> = Rows::new(along_um, n, "place.along_um")?;
+                Some((ply, azimuth, along_um, Rows::<1>::new(footprint_um, n, "place.footprint_um")?))
+            }
         };
-        if !(instances.len() <= 1 || instances.len() == n) {
-            return Err(Failure::Input("instance: of another length".into()));
-        }
-        if !instances.is_empty() {
-            py.detach(|| self.model.require_noise("model").map(drop))?;
-        }
-        let instance = |i: usize| match instances {
-            [] => None,
-            [one] => Some(*one),
-            many => Some(many[i]),
+        let place = |i: usize| {
+            let (ply, azimuth, along_um, footprint_um) = places?;
+            // Numbers count modulo 2^32.
+            let ply = ply[if ply.len() == 1 { 0 } else { i }] as u32;
+            let ([azimuth], [along_um], [footprint_um]) = (azimuth.get(i), along_um.get(i), footprint_um.get(i));
+            Some(PlyPlace { ply, azimuth, along_um, footprint_um })
         };
         let model = &*self.model;
         let slit = match arrays.slit {
@@ -314,7 +321,7 @@ impl Model {
             None => None,
         };
         let one_below = below.is_some_and(|of| of.iter().all(|rows| matches!(rows, Rows::One(_))));
-        let plain = instances.is_empty() && below.is_none() && slit.is_none();
+        let plain = places.is_none() && below.is_none() && slit.is_none();
         if let (true, Kernel::Lobes, Some(w)) = (plain, Kernel::from_query(what, edge, (theta_i, h_um, sigma)), w) {
             let [f] = out.floats()?;
             let f = rows_mut(f, n)?;
@@ -336,9 +343,9 @@ impl Model {
             n,
             threads,
             get: |i| -> Numbers<N> {
-                (theta_i.get(i)[0], h_um.get(i)[0], sigma.get(i), lambda.get(i), instance(i), row(i))
+                (theta_i.get(i)[0], h_um.get(i)[0], sigma.get(i), lambda.get(i), place(i), row(i))
             },
-            at: PlyAt { model, edge, slit: slit.as_ref(), below },
+            at: PlyAt { model, edge, shown: arrays.shown, slit: slit.as_ref(), below },
         };
         match (what, w) {
             ("layer", _) => {

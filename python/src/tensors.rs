@@ -6,7 +6,8 @@ use numpy::{IntoPyArray, PyReadonlyArray1, PyReadonlyArray2};
 use plywave::cloth::{ClothModel, ClothOptions, GapLight, LineHits, Slits, Values};
 use plywave::fiber::FiberTable;
 use plywave::spec::YarnSpec;
-use plywave::speckle::{Instance, NoiseTiles};
+use plywave::ply::PlyPlace;
+use plywave::speckle::NoiseField;
 use plywave::{Bsdf, ClothQuery, PlyQuery};
 use plywave_pipeline::{ClothRecipe, Error, ReadyCloth, Run, model_library};
 use pyo3::exceptions::PyValueError;
@@ -85,8 +86,8 @@ impl ClothTables {
         Ok(ClothTables { cloth, speckle, notes })
     }
 
-    /// Tables by name; `models`, the files of the ply models; `noise`, the noise tiles of each model, none
-    /// without speckle.
+    /// Tables by name; `models`, the files of the ply models; `noise`, the noise of each model, none without
+    /// speckle.
     fn tensors<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let all = PyDict::new(py);
         for tensor in self.cloth.tensors() {
@@ -106,8 +107,8 @@ impl ClothTables {
         let (files, noise) = (PyList::empty(py), PyList::empty(py));
         for model in self.cloth.models() {
             files.append(PyBytes::new(py, &model.data().to_bytes().map_err(raise)?))?;
-            let tiles = if self.speckle { model.noise() } else { None };
-            noise.append(tiles.map(|tiles| noise_tiles(py, tiles)).transpose()?)?;
+            let field = if self.speckle { model.noise() } else { None };
+            noise.append(field.map(|field| noise_tables(py, field)).transpose()?)?;
         }
         all.set_item("models", files)?;
         all.set_item("noise", noise)?;
@@ -206,55 +207,52 @@ pub fn ply_radius_um(filename: &str) -> PyResult<f64> {
     Ok(a.max(b))
 }
 
-/// Tiles of noise: `tiles` `[2][T][V][U]` of codes, `code` `[2][T][2]`, `step` and `fade` `[2][2]`,
-/// `lambda_um`.
-fn noise_tiles<'py>(py: Python<'py>, tiles: &NoiseTiles) -> PyResult<Bound<'py, PyDict>> {
+/// Numbers `[10]` of a model's noise, its tables `[4][512]` (`NoiseField::numbers`), and its seed.
+fn noise_tables<'py>(py: Python<'py>, field: &NoiseField) -> PyResult<Bound<'py, PyDict>> {
     let all = PyDict::new(py);
-    let [count, rows, columns] = tiles.sizes;
-    let codes = ArrayD::from_shape_vec(IxDyn(&[2, count, rows, columns]), tiles.tiles.clone()).map_err(raise)?;
-    all.set_item("tiles", codes.into_pyarray(py))?;
-    let code = ArrayD::from_shape_vec(IxDyn(&[2, count, 2]), tiles.code.clone()).map_err(raise)?;
-    all.set_item("code", code.into_pyarray(py))?;
-    all.set_item("step", tiles.step)?;
-    all.set_item("fade", tiles.fade)?;
-    all.set_item("lambda_um", tiles.lambda_um)?;
+    let (seed, numbers, tables) = field.numbers();
+    all.set_item("seed", seed)?;
+    all.set_item("numbers", numbers.to_vec())?;
+    let shape = IxDyn(&[tables.len(), tables[0].len()]);
+    let tables = ArrayD::from_shape_vec(shape, tables.concat()).map_err(raise)?;
+    all.set_item("tables", tables.into_pyarray(py))?;
     Ok(all)
 }
 
-/// Factors of f_refl and f_high `[n, 3]` by the library's noise tiles of a model: of plies by number and
-/// place `[n, 2]` along and across them [um], grains of `grain_um`. The tiles come first.
+/// Factors of f_refl and f_high `[n, 3]` by the library's noise of a model: of plies by number and place
+/// `[n, 4]`, which is azimuth, way along the ply, footprint and the offset h. The noise's tables come first.
 #[pyfunction]
 #[allow(clippy::too_many_arguments, clippy::type_complexity)]
 pub fn speckle_factors<'py>(
     py: Python<'py>,
     filename: &str,
     ply: PyReadonlyArray1<'py, u32>,
-    place_um: PyReadonlyArray2<'py, f32>,
-    grain_um: f32,
+    place: PyReadonlyArray2<'py, f32>,
     theta_i: PyReadonlyArray1<'py, f32>,
     lambda_um: PyReadonlyArray2<'py, f32>,
     wo: PyReadonlyArray2<'py, f32>,
 ) -> PyResult<(Bound<'py, PyDict>, Bound<'py, PyAny>, Bound<'py, PyAny>)> {
     let model = model_library().load(filename).map_err(raise)?;
-    let tiles = model.require_noise(filename).map_err(raise)?;
-    let (ply, place, theta_i) = (ply.as_array(), place_um.as_array(), theta_i.as_array());
-    let n = theta_i.len();
-    columns("place_um", &place_um, n, 2)?;
+    let field = model.require_noise(filename).map_err(raise)?;
+    let n = theta_i.as_array().len();
+    columns("place", &place, n, 4)?;
     columns("lambda_um", &lambda_um, n, 3)?;
     columns("wo", &wo, n, 3)?;
+    let (ply, place, theta_i) = (ply.as_array(), place.as_array(), theta_i.as_array());
     if ply.len() != n {
         return Err(raise(format!("ply: {} numbers: expected {n}", ply.len())));
     }
     let (lambda, wo) = (lambda_um.as_array(), wo.as_array());
     let (mut refl, mut high) = (Array2::zeros((n, 3)), Array2::zeros((n, 3)));
     for i in 0..n {
-        let instance = Instance::new(ply[i], row(&place, i), grain_um);
-        let (of_refl, of_high) = tiles.factors(instance, theta_i[i], row(&wo, i), row::<3>(&lambda, i));
+        let [azimuth, along_um, footprint_um, h_um] = row(&place, i);
+        let at = PlyPlace { ply: ply[i], azimuth, along_um, footprint_um };
+        let (of_refl, of_high) = field.factors(&at, h_um, theta_i[i], row(&wo, i), row::<3>(&lambda, i));
         for k in 0..3 {
             (refl[[i, k]], high[[i, k]]) = (of_refl[k], of_high[k]);
         }
     }
-    Ok((noise_tiles(py, tiles)?, refl.into_pyarray(py).into_any(), high.into_pyarray(py).into_any()))
+    Ok((noise_tables(py, field)?, refl.into_pyarray(py).into_any(), high.into_pyarray(py).into_any()))
 }
 
 /// The terms of a ply by the library, of n queries: f_refl `[n]`, f_high and f_edge `[n, 3]`, the density of

@@ -123,12 +123,16 @@ def test_one_query_at_a_time_is_the_same(polyester):
 
 
 def test_speckle(fabrics, polyester):
-    """Instances differ from the smooth model and have its mean."""
+    """Places differ from the smooth model and have its mean."""
     assert polyester.has_noise
     rng = np.random.default_rng(2)
     w = directions(rng, 50)
     smooth = polyester.eval(0.2, 3.0, w, 0.0, edge=False)[..., 0]
-    many = polyester.eval(0.2, 3.0, w[:, None], 0.0, edge=False, instance=np.arange(4000))[..., 0]
+    many = polyester.eval(0.2, 3.0, w[:, None], 0.0, edge=False, place=plywave.Place(np.arange(4000)), relief=False)[..., 0]
+    same = polyester.eval(0.2, 3.0, w, 0.0, edge=False, place=plywave.Place(7), relief=False, speckle=False)[..., 0]
+    np.testing.assert_allclose(same, smooth, rtol=1e-5)
+    shown = polyester.eval(0.2, 3.0, w, 0.0, edge=False, place=plywave.Place(7, 0.5, 100.0, 2.0), speckle=False)[..., 0]
+    assert np.abs(shown / smooth - 1.0).max() > 0.05
     assert many.std(1).max() > 0.05 * smooth.max()
     some = smooth > 0.05 * smooth.max()
     assert np.abs(many.mean(1)[some] / smooth[some] - 1.0).mean() < 0.1

@@ -85,7 +85,7 @@ def test_the_words_are_those_of_the_program(built, tiny, program, tmp_path, monk
     data = built.to_bytes()
     (tmp_path / "cut.pwm").write_bytes(data[:-100])
     (tmp_path / "empty.pwm").write_bytes(b"")
-    (tmp_path / "old.pwm").write_bytes(data.replace(b'\\"version\\":2', b'\\"version\\":1'))
+    (tmp_path / "old.pwm").write_bytes(data.replace(b'\\"version\\":3', b'\\"version\\":1'))
     (tmp_path / "dir.pwm").mkdir()
     for name in ["cut.pwm", "empty.pwm", "old.pwm", "dir.pwm"]:
         assert refused(lambda: plywave.Model(name)) == program_says(program, "check", name)

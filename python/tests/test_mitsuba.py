@@ -431,27 +431,29 @@ def test_fibers_on_curves_in_a_furnace(tmp_path):
 
 @pytest.mark.parametrize("name", ["polyester", "silk", "cotton"])
 def test_speckle_factors_are_the_librarys(name):
-    """Factors of f_refl and f_high by the hash, the tiles, the seams and the fading over wavelengths, relative to 1 and themselves to 1e-4. Of one in 10^4 the rounding of a place
-    on the tile counts for more, between nodes that differ by several times the mean. Half of the directions are about the seams."""
+    """Factors of f_refl and f_high by the hashes, the sources, the seams, the footprint and the fading over wavelengths, relative to 1 and themselves. Half of the
+    directions are about the seams, a third of the places are points."""
     from plywave.mitsuba._kit import Kit
-    from plywave.mitsuba._speckle import Speckle, instance
+    from plywave.mitsuba._speckle import Speckle
 
     rng, n, kit = np.random.default_rng(31), QUERIES, Kit()
     theta = rng.uniform(-1.5, 1.5, n).astype(np.float32)
-    ply, place = rng.integers(0, 1 << 32, n, dtype=np.uint32), rng.uniform([-1e5, -120.0], [1e5, 120.0], (n, 2)).astype(np.float32)
+    ply = rng.integers(0, 1 << 32, n, dtype=np.uint32)
+    place = rng.uniform([-10.0, -1e4, -20.0, -60.0], [10.0, 1e4, 40.0, 60.0], (n, 4)).astype(np.float32)
     wo, k = directions(rng, n), n // 2
     wo[:k, 0] *= 0.1
     wo = np.ascontiguousarray(wo / np.linalg.norm(wo, axis=1)[:, None], np.float32)
     lam = np.ascontiguousarray(np.broadcast_to(np.float32(RGB_LAMBDA_UM), (n, 3)))
-    noise, *want = _native.speckle_factors(str(FABRICS / "models" / f"{name}.pwm"), ply, place, 20.0, theta, lam, wo)
+    noise, *want = _native.speckle_factors(str(FABRICS / "models" / f"{name}.pwm"), ply, place, theta, lam, wo)
     speckle = Speckle(kit, [None, noise])
-    patterns = instance(kit, mi.UInt32(ply), *mi.Point2f(place.T.copy()), 20.0)
+    model = mi.UInt32(1)
+    patterns = speckle.at(model, mi.UInt32(ply), *(mi.Float(np.ascontiguousarray(x)) for x in place.T))
     v = mi.Vector3f(wo.T.copy())
-    got = speckle.factors(mi.UInt32(1), patterns, dr.sin(mi.Float(theta)), [v.x, v.y, v.z], RGB_LAMBDA_UM)
+    got = speckle.factors(model, patterns, dr.sin(mi.Float(theta)), [v.x, v.y, v.z], RGB_LAMBDA_UM)
     for kind, a, b in zip(("refl", "high"), got, want):
         a, scale = np.array(a).T, 1.0 + b
         error = np.abs(a - b) / scale
-        assert (error > 1e-4).mean() < 1e-4 and error.max() < 1e-3, f"{kind}: {(error > 1e-4).mean()} {error.max()}"
-        assert b.std() > 0.02 and abs(a.mean(dtype=np.float64) - 1.0) < 0.05
+        assert error.max() < 2e-3, f"{kind}: {error.max()}"
+        assert b.std() > 0.01 and abs(a.mean(dtype=np.float64) - 1.0) < 0.05
     without = speckle.factors(mi.UInt32(0), patterns, dr.sin(mi.Float(theta)), [v.x, v.y, v.z], RGB_LAMBDA_UM)
     assert all(np.allclose(np.array(f), 1.0) for f in without)

@@ -377,7 +377,7 @@ def test_bad_keys_are_told(file, tmp_path):
         ({"filename": jersey, "gaps": "open"}, "gaps: 'open': expected"),
         ({"filename": jersey, "um_per_uv": 0.0}, "um_per_uv: 0.0: expected one or two numbers above 0"),
         ({"filename": jersey, "speckle": True}, "no model of the cloth has speckle noise"),
-        ({"filename": jersey, "relief": False, "footprint_um": 3.0}, "footprint_um: given without far and relief"),
+        ({"filename": jersey, "relief": False, "footprint_um": 3.0}, "footprint_um: given without far, relief and speckle"),
         ({"filename": jersey, "far": True, "footprint_um": -1.0}, "footprint_um: -1.0: expected a number that is not negative"),
         ({"filename": jersey, "far": True, "footprint_um": 10.0, "footprint_rad": 0.1}, "footprint_rad: given with footprint_um"),
         ({"filename": jersey, "far": True, "footprint_scale": "wide"}, "footprint_scale: 'wide': expected a number"),

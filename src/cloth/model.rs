@@ -26,7 +26,6 @@ use crate::gap::{Opening, Slit};
 use crate::ply::PlyPlace;
 use crate::ply::{Prepared, UncachedPly};
 use crate::spec::{GaussianBeam, YarnSpec};
-use crate::speckle::Instance;
 use crate::{PlyModel, PlyQuery, Result};
 use std::path::Path;
 use std::sync::Arc;
@@ -298,8 +297,10 @@ impl ClothModel {
                 }
             }
             let ply_query = PlyQuery {
-                instance: self.options.noise.then(|| self.instance(hit, cell)),
-                place: (self.options.relief).then(|| self.place(hit, cell, wo, query.footprint_um)),
+                place: (self.options.relief || self.options.noise)
+                    .then(|| self.place(hit, cell, wo, query.footprint_um)),
+                relief: self.options.relief,
+                speckle: self.options.noise,
                 slit: self.slits[kind].as_ref().filter(|_| !at.is_double),
                 ..PlyQuery::new(theta_i, h_um, sigma, query.lambda_um)
             };
@@ -400,13 +401,9 @@ impl ClothModel {
         let [x, y, z] = hit.tangent;
         let (up, across) = (wo[2] - z * (wo[0] * x + wo[1] * y + wo[2] * z), y * wo[0] - x * wo[1]);
         let azimuth = across.atan2(up) - self.plies.twist[hit.curve as usize] * hit.parameter;
-        PlyPlace { ply, azimuth, footprint_um }
-    }
-
-    /// The patterns of a place on a ply of a cell.
-    fn instance(&self, hit: &LineHit, cell: [i32; 2]) -> Instance {
-        let ply = (self.number(hit, cell) as u32).wrapping_mul(64).wrapping_add(hit.curve);
-        Instance::new(ply, [hit.parameter * hit.speed_um, hit.h_um], self.plies.grain_um)
+        let [step, a, b] = self.plies.along_um[hit.curve as usize];
+        let [i, j] = [0, 1].map(|k| hit.cells[k].wrapping_add(cell[k]) as f32);
+        PlyPlace { ply, azimuth, along_um: step * hit.parameter + (a * i + b * j), footprint_um }
     }
 
     /// The mean over the cell where a query asks for it, seen from `wo` in the pattern's frame, and its

@@ -54,8 +54,9 @@ pub struct ClothPlies {
     pub scale: Vec<f32>,
     /// Turn of the fibers about each curve for a step of 1 of its parameter [rad]; whole turns in a period.
     pub(crate) twist: Vec<f32>,
-    /// Length of a ply with the same patterns, 2 w0 [um].
-    pub(crate) grain_um: f32,
+    /// Way along each curve for a step of 1 of its parameter, and of one vector of the cell or the other
+    /// [um].
+    pub(crate) along_um: Vec<[f32; 3]>,
 }
 
 impl ClothPlies {
@@ -73,7 +74,7 @@ impl ClothPlies {
             return Err(invalid("cloth", "model", format!("{} models", models.len()), hint));
         }
         let kind_of: Vec<usize> = curves.curves.iter().map(|c| curves.yarns[c.yarn as usize].kind as usize).collect();
-        let (mut scale, mut twists, mut grain_um) = (Vec::new(), Vec::new(), 0.0);
+        let (mut scale, mut twists) = (Vec::new(), Vec::new());
         for (kind, model) in models.iter().enumerate() {
             let ply = YarnSpec::parse(&model.data().spec_text, "model (its spec)")?;
             let of_curve = curves.curves.iter().zip(&kind_of).find(|(_, k)| **k == kind).map(|(c, _)| c.radius_um);
@@ -86,19 +87,27 @@ impl ClothPlies {
             }
             scale.push((a / radius_um) as f32);
             twists.push(ply.ply.twist_per_um());
-            grain_um = (2.0 * ply.beam.beam().w0_um) as f32;
         }
         let runs = [0, 1].map(|kind| {
             let yarn = curves.yarns.iter().find(|y| y.kind == kind);
             let way = yarn.map_or([1.0, 0.0], |y| lattice.vector(y.period));
             if way[1].abs() > way[0].abs() { Runs::AlongY } else { Runs::AlongX }
         });
-        let twist = |(curve, kind): (&PlyCurve, &usize)| {
-            let turns = (twists[*kind] * curve.length_um(&lattice) / TAU).round();
+        let lengths_um: Vec<f64> = curves.curves.iter().map(|curve| curve.length_um(&lattice)).collect();
+        let twist = |((curve, kind), length_um): ((&PlyCurve, &usize), &f64)| {
+            let turns = (twists[*kind] * length_um / TAU).round();
             (TAU * turns / curve.control_um.len() as f64) as f32
         };
+        let along = |(curve, length_um): (&PlyCurve, &f64)| {
+            // A period later the curve is in another cell.
+            let [a, b] = curve.shift;
+            let per = |steps: i32| if steps == 0 { 0.0 } else { length_um / f64::from(steps) };
+            let [a, b] = if a.unsigned_abs() >= b.unsigned_abs() { [per(a), 0.0] } else { [0.0, per(b)] };
+            [length_um / curve.control_um.len() as f64, a, b].map(|um| um as f32)
+        };
         Ok(ClothPlies {
-            twist: curves.curves.iter().zip(&kind_of).map(twist).collect(),
+            twist: curves.curves.iter().zip(&kind_of).zip(&lengths_um).map(twist).collect(),
+            along_um: curves.curves.iter().zip(&lengths_um).map(along).collect(),
             lines,
             lattice,
             yarns: curves.yarns.clone(),
@@ -108,7 +117,6 @@ impl ClothPlies {
             runs,
             models: models.to_vec(),
             scale,
-            grain_um,
         })
     }
 }

@@ -37,8 +37,8 @@ pub struct ClothOptions {
     /// One absorption [1/um] at every wavelength for all yarns, in place of their colors; 0 for a white
     /// furnace.
     pub sigma_per_um: Option<f32>,
-    /// Speckle: every stretch of a ply as long as the beam's waist is wide has patterns of its own. Models
-    /// without noise stay smooth.
+    /// Speckle: f_refl and f_high of each ply have patterns, which change along its fibers and from fiber to
+    /// fiber. Models without noise stay smooth.
     pub noise: bool,
     /// Plies show the fibers on their surface. Without, they are smooth tubes.
     pub relief: bool,

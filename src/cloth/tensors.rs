@@ -8,7 +8,7 @@
 //! | name | shape | |
 //! |---|---|---|
 //! | `cell_um` | `[2][2]` | vectors of the cell, the shortest ones of its lattice |
-//! | `scalars` | `[4]` | height above which there is no ply, greatest radius, length of a ply with one speckle pattern, L of `curve` |
+//! | `scalars` | `[3]` | height above which there is no ply, greatest radius, L of `curve` |
 //! | `options` | `[4]` | speckle, layers, shadowing, edges |
 //! | `uneven`, `uneven_seed` | `[n][7]`, `[n]` | of each uneven kind of yarn: the unit vector across it, distance of two yarns, place of one, length over which it changes, deviations of width and of place (`src/cloth/uneven.rs`), seed |
 //! | `gap` | `[3]` | of diffracted light: height above which no line comes near a ply, step of the edges of `apertures`, reach of the beam |
@@ -24,6 +24,7 @@
 //! | `curve_of` | `[curves][8]` | kind; first place in `shadow_free` and number of places; number of the yarn and what is added for each cell along the vectors, modulo 2^32; curve; knots |
 //! | `places_per_knot` | `[curves]` | places for a step of 1 of the parameter |
 //! | `twist` | `[curves]` | turn of the fibers for a step of 1 of the parameter [rad] |
+//! | `along` | `[curves, 3]` | way along the curve for a step of 1 of the parameter, and of one vector of the cell and the other [um] |
 //! | `relief` | `[kinds][6]` | of each model: number of fibers around, 0 where it shows none, radius of their ring, share that is free, radius of a fiber, widths of the bumps of f_refl and f_high (`src/ply/relief.rs`) |
 //! | `kind` | `[kinds][2]` | 1 where yarns run along y, 0 along x; radius of the model's ply over that of the curves |
 //! | `exit_shapes` | `[kinds][3][65][2]` | of each model how light lies across a ply where it leaves: mode and length over R, by kind of light and mean over R, 0 to 0.97 |
@@ -96,9 +97,8 @@ impl ClothModel {
         curves(&self.plies, &mut add);
         let mut f32s = |name, shape: &[usize], values| add(name, shape, Values::F32(values));
         let (length_um, curve) = self.curve.nodes().unwrap_or((1.0, &[]));
-        let scalars =
-            [self.lines().half_thickness_um(), self.lines().largest_um(), self.plies.grain_um, length_um as f32];
-        f32s("scalars", &[4], scalars.to_vec());
+        let scalars = [self.lines().half_thickness_um(), self.lines().largest_um(), length_um as f32];
+        f32s("scalars", &[3], scalars.to_vec());
         let o = &self.options;
         f32s("options", &[4], [o.noise, o.layers, o.shadowing, o.edges].map(|on| f32::from(u8::from(on))).to_vec());
         let uneven = &self.uneven.kinds;
@@ -110,6 +110,7 @@ impl ClothModel {
         let reliefs = self.plies.models.iter().flat_map(|model| model.relief().map_or([0.0; 6], Relief::numbers));
         f32s("relief", &[kinds, 6], reliefs.collect());
         f32s("twist", &[self.plies.twist.len()], self.plies.twist.clone());
+        f32s("along", &[self.plies.along_um.len(), 3], self.plies.along_um.as_flattened().to_vec());
         f32s("dye_rgb", &[dyes.len(), 3], dyes.iter().flat_map(|d| d.0).collect());
         f32s("dye_spectrum", &[dyes.len(), SPECTRUM_NODES], dyes.iter().flat_map(|d| d.1).collect());
         f32s("curve", &[curve.len(), 2], curve.iter().flat_map(|(v, value)| [*v as f32, *value as f32]).collect());

@@ -51,8 +51,8 @@ impl FileKind {
     /// Version of the format that this program writes and reads.
     pub(crate) fn version(self) -> u64 {
         match self {
-            // 2: energies as splines on separate grids.
-            FileKind::Model => 2,
+            // 2: energies as splines on separate grids. 3: noise as sources.
+            FileKind::Model => 3,
             FileKind::Table
             | FileKind::Fiber
             | FileKind::Speckle

@@ -73,7 +73,6 @@ pub(crate) fn ln<const FMA: bool>(x: f32) -> f32 {
 
 /// Sine and cosine of x half turns, both up to a common sign, which is the top bit of the third number.
 /// Accurate to 2e-7 for |x| <= 1000: subtracting whole half turns is exact.
-/// |x| <= 1000: taking whole half turns off is exact.
 #[inline(always)]
 pub(crate) fn sin_cos_half_turns<const FMA: bool>(x: f32) -> (f32, f32, u32) {
     let shifted = x + ROUND;
@@ -124,23 +123,6 @@ pub(crate) fn atan2<const FMA: bool>(y: f32, x: f32) -> f32 {
 #[inline(always)]
 pub(crate) fn signed(x: f32, sign: u32) -> f32 {
     f32::from_bits(x.to_bits() ^ sign)
-}
-
-/// Prefetches the cache line of an element that is read soon; does nothing if the element does not exist, or
-/// if the processor has no prefetch.
-#[inline(always)]
-pub(crate) fn prefetch(of: &[u8], at: usize) {
-    #[cfg(target_arch = "x86_64")]
-    if let Some(x) = of.get(at) {
-        use std::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
-        // SAFETY: it changes no memory and reads none, and the address is that of an element.
-        #[allow(unsafe_code)]
-        unsafe {
-            _mm_prefetch::<_MM_HINT_T0>(std::ptr::from_ref(x).cast());
-        }
-    }
-    #[cfg(not(target_arch = "x86_64"))]
-    let _ = (of, at);
 }
 
 #[cfg(test)]

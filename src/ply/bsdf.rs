@@ -51,14 +51,15 @@ impl PlyModel {
     /// Factors of the relief in a direction, if the query has a place and the ply shows fibers.
     #[inline]
     pub(super) fn relief_at<const N: usize>(&self, query: &PlyQuery<'_, N>, w: [f32; 3]) -> Option<[f32; 2]> {
-        Some(self.relief.as_ref()?.factors(query.place.as_ref()?, query.h_um, w))
+        let relief = self.relief.as_ref().filter(|_| query.relief)?;
+        Some(relief.factors(query.place.as_ref()?, query.h_um, w))
     }
 
-    /// The patterns of a query, if it has an instance and the model has noise.
+    /// The patterns of a query, if it has a place and the model has noise.
     #[inline(always)]
-    fn speckle<'a, const N: usize>(&'a self, query: &PlyQuery<'a, N>) -> Option<Speckle<'a, N>> {
-        let instance = query.instance?;
-        Some(Speckle::new(self.noise()?, instance, query.theta_i, &query.lambda_um))
+    fn speckle<const N: usize>(&self, query: &PlyQuery<'_, N>) -> Option<Speckle<N>> {
+        let noise = self.noise().filter(|_| query.speckle)?;
+        noise.at(query.place.as_ref()?, query.h_um, query.theta_i, &query.lambda_um)
     }
 }
 

@@ -11,7 +11,7 @@ use self::energies::PlyEnergies;
 use self::exits::ExitOffsets;
 use self::layer_factors::LayerFactors;
 use super::cone::LobeKind;
-use crate::speckle::Noise;
+use crate::speckle::NoiseSpectrum;
 
 /// Largest number of lobes of each kind.
 pub(crate) const MAX_LOBES: usize = 16;
@@ -81,7 +81,7 @@ pub struct PlyData {
     /// Edge diffraction (Yu 2025, 6.1); absent from models without it, whose missed light goes straight on.
     pub edge: Option<EdgeLobes>,
     /// Speckle noise (Yu 2025, 6.2); absent from models that are only smooth.
-    pub noise: Option<Noise>,
+    pub noise: Option<NoiseSpectrum>,
 }
 
 /// Value of a node array at index -1..=n, extrapolated linearly at both ends: `at(-1) = 2 at(0) - at(1)`.

@@ -8,14 +8,14 @@ use super::kernel::dispatch;
 use super::kernel::layout::Layout;
 use super::layers::LayerTables;
 use super::lines::PassedLines;
+use super::place::FibersAround;
 use super::queries::Queries;
 use super::query::PlyQuery;
 use super::relief::Relief;
 use crate::spec::YarnSpec;
-use crate::speckle::{Noise, NoiseTiles};
+use crate::speckle::NoiseField;
 use crate::{Bsdf, Result};
 use std::path::Path;
-use std::sync::OnceLock;
 
 /// A loaded ply model, laid out for evaluation.
 ///
@@ -32,11 +32,10 @@ use std::sync::OnceLock;
 ///
 /// All angles are in radians, lengths in um, densities in 1/sr; every f is an energy density: BSDF times |cos
 /// theta_o|. Directions are unit vectors in the ply frame and are not normalized. No call allocates, fails or
-/// panics, except the first that uses speckle ([`PlyModel::noise`]), which allocates. Where |h| is beyond the
-/// nodes, or theta_i or h is NaN, the beam misses: f = 0 and r_d = 1. |theta_i| beyond the nodes counts as
-/// the last node. Absorption is clamped to [0, 1e6]; NaN counts as 0. A `wo` that is not finite, or far from
-/// unit, gives 0. Interpolated ln mu is clamped to [`crate::ply::asg::MU_MIN`] and
-/// [`crate::ply::asg::MU_MAX`], lobe energies to 0 or more.
+/// panics. Where |h| is beyond the nodes, or theta_i or h is NaN, the beam misses: f = 0 and r_d = 1.
+/// |theta_i| beyond the nodes counts as the last node. Absorption is clamped to [0, 1e6]; NaN counts as 0. A
+/// `wo` that is not finite, or far from unit, gives 0. Interpolated ln mu is clamped to
+/// [`crate::ply::asg::MU_MIN`] and [`crate::ply::asg::MU_MAX`], lobe energies to 0 or more.
 #[derive(Clone, Debug)]
 pub struct PlyModel {
     data: PlyData,
@@ -49,8 +48,7 @@ pub struct PlyModel {
     pub(super) edge: Option<edge::EdgeTables>,
     /// Of plies whose spec has fibers to show.
     pub(super) relief: Option<Relief>,
-    /// Made from the noise's spectrum at first use.
-    tiles: OnceLock<NoiseTiles>,
+    pub(super) noise: Option<Box<NoiseField>>,
 }
 
 impl PlyModel {
@@ -88,14 +86,23 @@ impl PlyModel {
     /// A model from checked data.
     pub(super) fn from_parts(data: PlyData, reference_values: Vec<ReferenceValue>) -> PlyModel {
         let edge = data.edge.as_ref().map(edge::EdgeTables::new);
+        let spec = YarnSpec::parse(&data.spec_text, "model (its spec)").ok();
+        let noise = data.noise.as_ref().map(|noise| {
+            let last_um = data.h_um.last().copied().unwrap_or(0.0);
+            let around = match &spec {
+                Some(spec) => FibersAround::of_spec(spec, last_um - spec.beam.beam().d_cut_um),
+                None => FibersAround::of_beam(noise.w0_um, last_um),
+            };
+            Box::new(noise.field(around))
+        });
         PlyModel {
             layout: Layout::new(&data),
             layers: LayerTables::new(&data),
             exits: ExitTables::new(&data),
             passed: None,
             edge,
-            relief: YarnSpec::parse(&data.spec_text, "model (its spec)").ok().and_then(|spec| Relief::of_spec(&spec)),
-            tiles: OnceLock::new(),
+            relief: spec.and_then(|spec| Relief::of_spec(&spec)),
+            noise,
             data,
             reference_values,
         }
@@ -112,8 +119,8 @@ impl PlyModel {
         let spec = YarnSpec::parse(&data.spec_text, "model (its spec)")?;
         data.energies = data.energies.of_lines(spec.beam.beam().sd_um());
         data.bound_layers();
-        let (noise, passed) = (self.tiles.clone(), Some(PassedLines::new(&data.energies)));
-        Ok(PlyModel { tiles: noise, passed, ..PlyModel::from_parts(data, Vec::new()) })
+        let passed = Some(PassedLines::new(&data.energies));
+        Ok(PlyModel { passed, ..PlyModel::from_parts(data, Vec::new()) })
     }
 
     /// A model whose data are those of single lines already, as [`PlyModel::of_lines`] leaves them.
@@ -185,21 +192,17 @@ impl PlyModel {
         self.relief.as_ref()
     }
 
-    /// The model's noise tiles, if it has noise. The first call makes them from their spectrum, in a tenth of
-    /// a second or less, and allocates; the first query with an instance does the same.
+    /// The model's speckle noise, if it has some.
     #[inline]
-    pub fn noise(&self) -> Option<&NoiseTiles> {
-        match self.data.noise.as_ref()? {
-            Noise::Tiles(tiles) => Some(tiles),
-            Noise::Spectrum(spectrum) => Some(self.tiles.get_or_init(|| spectrum.tiles())),
-        }
+    pub fn noise(&self) -> Option<&NoiseField> {
+        self.noise.as_deref()
     }
 
-    /// The model's noise tiles, for a host that requires noise.
+    /// The model's speckle noise, for a host that requires it.
     ///
     /// # Errors
     /// [`crate::Error::Invalid`] if the model has no noise; `file` names it in the message.
-    pub fn require_noise(&self, file: &str) -> Result<&NoiseTiles> {
+    pub fn require_noise(&self, file: &str) -> Result<&NoiseField> {
         let hint = "the model has no speckle noise; add it with `plywave noise`";
         self.noise().ok_or_else(|| crate::io::invalid(file, "noise_spectrum", "absent", hint))
     }

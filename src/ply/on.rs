@@ -20,7 +20,7 @@ pub(crate) struct PlyOn<'a, L, const N: usize> {
     pub(crate) model: &'a PlyModel,
     pub(crate) query: PlyQuery<'a, N>,
     pub(super) lobes: L,
-    pub(super) speckle: Option<Speckle<'a, N>>,
+    pub(super) speckle: Option<Speckle<N>>,
 }
 
 impl<const N: usize> UncachedPly<'_, N> {
@@ -68,19 +68,9 @@ impl<L: Lobes<N>, const N: usize> PlyOn<'_, L, N> {
         Terms { model: self.model, query: &self.query, lobes: &self.lobes }
     }
 
-    /// Sum of the terms with the instance's patterns and the place's relief. The tiles are prefetched before
-    /// the lobes are summed, so that their memory arrives meanwhile.
-    fn speckled(&self, w: [f32; 3], terms: impl FnOnce() -> PlyTerms<N>) -> ([f32; N], f32) {
-        let lookup = self.speckle.as_ref().map(|speckle| speckle.look(w));
-        let mut terms = terms();
-        if let Some([refl, high]) = self.model.relief_at(&self.query, w) {
-            terms.refl *= refl;
-            terms.high.iter_mut().for_each(|f| *f *= high);
-        }
-        match lookup {
-            Some(lookup) => (terms.sum_speckled(&lookup.factors()), terms.pdf),
-            None => (terms.sum(), terms.pdf),
-        }
+    /// Sum of the terms at the query's place.
+    fn placed(&self, w: [f32; 3], terms: &PlyTerms<N>) -> [f32; N] {
+        terms.sum_with(&placed(self.model, &self.query, self.speckle.as_ref(), w, (terms.refl, terms.high)))
     }
 
     /// Light diffracted at the edge is scattered; for plies without edge lobes it goes straight on.
@@ -88,6 +78,30 @@ impl<L: Lobes<N>, const N: usize> PlyOn<'_, L, N> {
     fn has_edge(&self) -> bool {
         self.query.edge && self.model.has_edge()
     }
+}
+
+/// f_refl and f_high at the query's place: those of the lobes times the factors of relief and of speckle.
+#[inline]
+fn placed<const N: usize>(
+    model: &PlyModel,
+    query: &PlyQuery<'_, N>,
+    speckle: Option<&Speckle<N>>,
+    w: [f32; 3],
+    (refl, mut high): (f32, [f32; N]),
+) -> ([f32; N], [f32; N]) {
+    let mut refl = [refl; N];
+    if let Some([of_refl, of_high]) = model.relief_at(query, w) {
+        refl.iter_mut().for_each(|f| *f *= of_refl);
+        high.iter_mut().for_each(|f| *f *= of_high);
+    }
+    if let Some(speckle) = speckle {
+        let (of_refl, of_high) = speckle.factors(w);
+        for k in 0..N {
+            refl[k] *= of_refl[k];
+            high[k] *= of_high[k];
+        }
+    }
+    (refl, high)
 }
 
 /// Chance of a lobe when a sample chooses between lobes of these energies and missed light.
@@ -103,7 +117,7 @@ pub(crate) struct Lit<'b, L, const N: usize> {
     model: &'b PlyModel,
     query: &'b PlyQuery<'b, N>,
     lobes: &'b L,
-    speckle: Option<&'b Speckle<'b, N>>,
+    speckle: Option<&'b Speckle<N>>,
 }
 
 impl<L: Lobes<N>, const N: usize> Lit<'_, L, N> {
@@ -164,24 +178,11 @@ impl<L: Lobes<N>, const N: usize> Lit<'_, L, N> {
         Some((w, self.light(w, hit, |_| core)))
     }
 
-    /// The result of `of` on the lobes, with the patterns and the relief. The tiles are prefetched before the
-    /// lobes are summed, so that their memory arrives meanwhile.
+    /// The result of `of` on the lobes, at the query's place.
     #[inline]
     fn light(&self, w: [f32; 3], hit: f32, of: impl FnOnce(&L) -> Core<N>) -> LobeLight<N> {
-        let lookup = self.speckle.map(|speckle| speckle.look(w));
-        let Core { refl, mut high, pdf, .. } = of(self.lobes);
-        let mut refl = [refl; N];
-        if let Some([of_refl, of_high]) = self.model.relief_at(self.query, w) {
-            refl.iter_mut().for_each(|f| *f *= of_refl);
-            high.iter_mut().for_each(|f| *f *= of_high);
-        }
-        if let Some(lookup) = lookup {
-            let (of_refl, of_high) = lookup.factors();
-            for k in 0..N {
-                refl[k] *= of_refl[k];
-                high[k] *= of_high[k];
-            }
-        }
+        let Core { refl, high, pdf, .. } = of(self.lobes);
+        let (refl, high) = placed(self.model, self.query, self.speckle, w, (refl, high));
         LobeLight { refl, high, pdf: if hit > 0.0 { pdf / hit } else { 0.0 } }
     }
 
@@ -206,7 +207,7 @@ impl<L: Lobes<N>, const N: usize> Lit<'_, L, N> {
 
 impl<L: Lobes<N>, const N: usize> Bsdf<N> for PlyOn<'_, L, N> {
     fn eval(&self, w: [f32; 3]) -> [f32; N] {
-        self.speckled(w, || self.all().eval(w)).0
+        self.placed(w, &self.all().eval(w))
     }
 
     fn pdf(&self, w: [f32; 3]) -> f32 {
@@ -214,15 +215,13 @@ impl<L: Lobes<N>, const N: usize> Bsdf<N> for PlyOn<'_, L, N> {
     }
 
     fn eval_pdf(&self, w: [f32; 3]) -> ([f32; N], f32) {
-        self.speckled(w, || self.all().eval_pdf(w))
+        let terms = self.all().eval_pdf(w);
+        (self.placed(w, &terms), terms.pdf)
     }
 
     fn sample(&self, u: [f32; 3]) -> BsdfSample<N> {
         match self.all().sample(u) {
-            Drawn::Scattered(w, terms) => {
-                let (f, pdf) = self.speckled(w, || terms);
-                BsdfSample::scattered(w, f, pdf)
-            }
+            Drawn::Scattered(w, terms) => BsdfSample::scattered(w, self.placed(w, &terms), terms.pdf),
             Drawn::Missed => BsdfSample::straight(self.straight(), self.outcomes().straight),
             Drawn::Absorbed => BsdfSample::Absorbed,
         }
@@ -250,7 +249,7 @@ impl<L: Lobes<N>, const N: usize> Bsdf<N> for PlyOn<'_, L, N> {
 
     fn eval_batch(&self, w: &[[f32; 3]], f: &mut [[f32; N]], pdf: &mut [f32]) {
         let PlyQuery { theta_i, h_um, sigma_per_um, slit, place, .. } = self.query;
-        if self.has_edge() || slit.is_some() || place.is_some() || self.speckle.is_some() {
+        if self.has_edge() || slit.is_some() || place.is_some() {
             for ((w, f), pdf) in w.iter().zip(f).zip(pdf) {
                 (*f, *pdf) = self.eval_pdf(*w);
             }

@@ -1,13 +1,12 @@
 //! A query of a ply, and the terms of its scattering function.
 
 use super::layers::Layer;
-use super::relief::PlyPlace;
+use super::place::PlyPlace;
 use crate::gap::Slit;
-use crate::speckle::Instance;
 
 /// A query at a shading point of a ply, for N absorptions, each with its wavelength. [`PlyQuery::new`] is the
 /// smooth ply with its edge light; other parts are options:
-/// `PlyQuery { instance: Some(..), ..PlyQuery::new(..) }`.
+/// `PlyQuery { place: Some(..), ..PlyQuery::new(..) }`.
 ///
 /// ```
 /// use plywave::PlyQuery;
@@ -36,13 +35,13 @@ pub struct PlyQuery<'a, const N: usize> {
     /// Small gaps between the fibers (Yu 2025, 7.3), for their diffraction colors. Has no effect over a
     /// second layer.
     pub slit: Option<&'a Slit>,
-    /// Speckle patterns of f_refl and f_high (Yu 2025, Eq. 23); `None` for the smooth model, which is the
-    /// same for a model without noise. Sampling and albedo are those of the smooth model, the mean over
-    /// instances.
-    pub instance: Option<Instance>,
-    /// Place on the ply, for its relief: factors of mean 1 on f_refl and f_high, as fibers lie on its
-    /// surface. `None` for the mean over places. Sampling and albedo are those of the mean.
+    /// Place on the ply, for its relief and its speckle: factors of mean 1 on f_refl and f_high. `None` for
+    /// the smooth model, the mean over places. Sampling and albedo are those of the smooth model.
     pub place: Option<PlyPlace>,
+    /// With a place: the fibers on the ply's surface show, if it has [`PlyModel::relief`].
+    pub relief: bool,
+    /// With a place: f_refl and f_high have speckle patterns (Yu 2025, Eq. 23), if the model has noise.
+    pub speckle: bool,
     /// A second layer of yarns below (Yu 2025, 5.4), from [`PlyModel::layer`] of its model. Has no effect in
     /// a model without layer factors.
     pub below: Option<Layer<N>>,
@@ -61,8 +60,9 @@ impl<const N: usize> PlyQuery<'_, N> {
             lambda_um,
             edge: true,
             slit: None,
-            instance: None,
             place: None,
+            relief: true,
+            speckle: true,
             below: None,
             cached: true,
         }
@@ -100,9 +100,8 @@ impl<const N: usize> PlyTerms<N> {
         f
     }
 
-    /// The sum of the terms of one instance (Yu 2025, Eq. 23): f_refl and f_high times their speckle factors,
-    /// other light unchanged.
-    pub(super) fn sum_speckled(&self, (refl, high): &([f32; N], [f32; N])) -> [f32; N] {
-        std::array::from_fn(|k| self.refl * refl[k] + self.high[k] * high[k] + self.edge[k] + self.slit[k])
+    /// The sum with f_refl and f_high of a place (Yu 2025, Eq. 23), other light unchanged.
+    pub(super) fn sum_with(&self, (refl, high): &([f32; N], [f32; N])) -> [f32; N] {
+        std::array::from_fn(|k| refl[k] + high[k] + self.edge[k] + self.slit[k])
     }
 }

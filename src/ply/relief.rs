@@ -18,6 +18,7 @@
 //! Over the turn of the ply, `p = (2 pi / n) R' cos(phi_c - phi)` makes the mean 1 for each h, light and
 //! view. Bumps widen with the footprint of a query; where they are wider than fibers are apart, M fades to 1.
 
+use super::place::{FibersAround, PlyPlace, mean_radius_um};
 use crate::math::hash::{GAMMA, mix64};
 use crate::spec::{Shape, YarnSpec};
 use std::f32::consts::{FRAC_PI_2, TAU};
@@ -34,18 +35,6 @@ const ENDS: f32 = 2.645_751_3;
 const WIDEST: f32 = 1.5;
 /// Below this contrast there is none.
 const LEAST: f32 = 0.02;
-
-/// A place on a ply, of which the relief is asked.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct PlyPlace {
-    /// Number of the ply: others have other fibers.
-    pub ply: u32,
-    /// Azimuth of the viewer, the frame's y axis, among the fibers [rad]: about the ply's axis, from an axis
-    /// that turns with the twist, counterclockwise as seen from the end of the z axis.
-    pub azimuth: f32,
-    /// Diameter of the part of the ply that the query stands for [um]; 0 for a point.
-    pub footprint_um: f32,
-}
 
 /// Fibers on the surface of the plies of a model.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -69,14 +58,11 @@ impl Relief {
         if spec.yarn.plies > 1 || (a - b).abs() > 1e-6 * a || spec.ply.fibers < 3 {
             return None;
         }
-        let fiber_um = (spec.fiber_area_um2() / std::f64::consts::PI).sqrt();
-        // Of packed sections: where fibers with highlights have their middles, deeper in loose plies, and
-        // which share of a full ring they are.
-        let fibers = f64::from(spec.ply.fibers);
-        let ring_um = a - fiber_um * (1.15 + 5.0 * (0.66 - spec.packing_fraction()).max(0.0));
-        let free = (1.0 - 0.095 * (fibers / 5.0).ln()).clamp(0.3, 1.0) as f32;
-        let count = (std::f64::consts::PI * ring_um / fiber_um).round().min(fibers);
-        if !(ring_um > 0.5 * fiber_um && count >= 2.0) {
+        let fiber_um = mean_radius_um(spec);
+        let FibersAround { count, ring_um } = FibersAround::of_spec(spec, a);
+        // Of packed sections: which share of a full ring fibers with highlights are.
+        let free = (1.0 - 0.095 * (f64::from(spec.ply.fibers) / 5.0).ln()).clamp(0.3, 1.0) as f32;
+        if !(ring_um > 0.5 * fiber_um as f32 && count >= 2.0) {
             return None;
         }
         // Slopes of a rough wall have the deviation alpha / sqrt(2) along an axis; faces that are not round
@@ -86,8 +72,8 @@ impl Relief {
         let slope = (0.5 * spec.fiber.alpha_fiber.powi(2) + faces * faces).sqrt();
         let width = |deviation: f64| (f64::from(ENDS) * deviation) as f32;
         Some(Relief {
-            count: count as f32,
-            ring_um: ring_um as f32,
+            count,
+            ring_um,
             free,
             fiber_um: fiber_um as f32,
             width_um: [width(fiber_um * slope.max(0.02)), HIGH_WIDTH * fiber_um as f32],
@@ -123,7 +109,7 @@ impl Relief {
         let apart = TAU / self.count;
         // A pixel's deviation along an axis, in the bump's.
         let own = self.width_um[kind];
-        let wide = ENDS * 0.29 * place.footprint_um.max(0.0);
+        let wide = ENDS * place.deviation_um();
         let wide = (own * own + wide * wide).sqrt();
         let most = WIDEST * apart * self.ring_um;
         let contrast = if wide > most { most / wide } else { 1.0 };
@@ -193,7 +179,7 @@ mod tests {
         ] {
             let (mut sums, n) = ([0.0f64; 2], 200_000);
             for i in 0..n {
-                let place = PlyPlace { ply: i, azimuth: 0.618_034 * i as f32 % TAU, footprint_um };
+                let place = PlyPlace { footprint_um, ..PlyPlace::new(i, 0.618_034 * i as f32 % TAU, 0.0) };
                 let factors = RELIEF.factors(&place, h, w);
                 (0..2).for_each(|k| sums[k] += f64::from(factors[k]));
             }

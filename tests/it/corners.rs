@@ -6,8 +6,7 @@
 
 use plywave::check::{CheckOptions, FURNACE_TOLERANCE, check_incidence, check_layers, check_model, check_whole};
 use plywave::frame::direction;
-use plywave::ply::PlyData;
-use plywave::speckle::Instance;
+use plywave::ply::{PlyData, PlyPlace};
 use plywave::{Bsdf, PlyModel, PlyQuery};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
@@ -133,7 +132,7 @@ fn run(bytes: &[u8]) -> (Duration, bool) {
     let last = [&d.theta_i, &d.h_um, &d.sigma_per_um].map(|axis| axis[axis.len() - 1] as f32);
     for (t, h) in [(0.0, 0.0), (-0.7, 0.6), (1.0, -1.0)] {
         let query = PlyQuery::new(t * last[0], h * last[1], [0.0, 0.1 * last[2], last[2]], [0.4, 0.55, 0.7]);
-        let spotted = PlyQuery { instance: Some(Instance::new(3, [100.0, h * last[1]], 20.0)), ..query };
+        let spotted = PlyQuery { place: Some(PlyPlace::new(3, h, 100.0)), ..query };
         for at in [model.at(&query), model.at(&spotted)] {
             for i in 0..16 {
                 let wo = direction(0.19 * i as f32 - 1.5, 0.4 * i as f32);

@@ -6,9 +6,9 @@ use crate::small_cloth::{CELL_UM, LAME, RED_BLUE, cloth};
 use plywave::cloth::{ClothData, ClothOptions};
 use plywave::frame::direction;
 use plywave::gap::{SLIT_SHARE, Slit};
-use plywave::ply::PlyData;
+use plywave::ply::{PlyData, PlyPlace};
 use plywave::spec::GaussianBeam;
-use plywave::speckle::{Instance, NoiseTiles};
+use plywave::speckle::NoiseSpectrum;
 use plywave::{Bsdf, BsdfSample, ClothQuery, PlyModel, PlyQuery};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
@@ -20,28 +20,25 @@ fn anywhere(rng: &mut Pcg64Mcg) -> [f32; 3] {
     direction((2.0 * rng.random::<f32>() - 1.0).asin(), std::f32::consts::TAU * rng.random::<f32>())
 }
 
-fn tiles(rng: &mut Pcg64Mcg) -> NoiseTiles {
-    let sizes = [2, 64, 64];
-    let (mut tiles, mut code) = (Vec::new(), Vec::new());
-    for _ in 0..2 * sizes[0] {
-        let values: Vec<f64> = (0..sizes[1] * sizes[2]).map(|_| rng.random()).collect();
-        let (codes, scale) = NoiseTiles::code(&values);
-        tiles.extend(codes);
-        code.extend(scale);
-    }
-    NoiseTiles {
-        tiles,
-        sizes,
-        code,
-        step: [[0.05; 2]; 2],
+fn spectrum() -> NoiseSpectrum {
+    NoiseSpectrum {
+        seed: 7,
+        spectrum: [[0.2, 0.1, 0.1, 0.1, 0.1], [0.0, 0.1, 0.1, 0.1, 0.2]].concat(),
+        step_um: [0.1, 0.2],
+        share: [0.4, 1.0],
+        w0_um: 1.0,
         lambda_um: 0.4,
         fade: [[1.0, -0.2]; 2],
-        contrast: [[1.0; 2]; 2],
+        contrast: [1.0; 2],
     }
 }
 
-fn with_noise(model: &PlyModel, rng: &mut Pcg64Mcg) -> PlyModel {
-    PlyModel::from_data(PlyData { noise: Some(tiles(rng).into()), ..model.data().clone() }).unwrap()
+fn with_noise(model: &PlyModel) -> PlyModel {
+    PlyModel::from_data(PlyData { noise: Some(spectrum()), ..model.data().clone() }).unwrap()
+}
+
+fn place(ply: usize) -> Option<PlyPlace> {
+    Some(PlyPlace::new(ply as u32, 0.1 * ply as f32, 3.0 * ply as f32))
 }
 
 fn near(got: f32, want: f32, peak: f32) -> bool {
@@ -85,7 +82,7 @@ fn check_cloth(data: &ClothData, options: &ClothOptions, rng: &mut Pcg64Mcg) -> 
 fn cloths_answer_together_what_they_answer_alone() {
     let mut rng = Pcg64Mcg::seed_from_u64(1);
     let mut noisy = RED_BLUE.clone();
-    noisy.models.iter_mut().for_each(|m| *m = Arc::new(with_noise(m, &mut rng)));
+    noisy.models.iter_mut().for_each(|m| *m = Arc::new(with_noise(m)));
     for (data, noise) in [(&*RED_BLUE, false), (&noisy, true)] {
         let cases = check_cloth(data, &ClothOptions { noise, ..ClothOptions::default() }, &mut rng);
         assert!(cases[0] > 50 && cases[1] > 100, "gaps, double layers: {cases:?}");
@@ -105,7 +102,7 @@ fn whole_plies_answer_together_what_they_answer_alone() {
     let mut rng = Pcg64Mcg::seed_from_u64(2);
     let path = format!("{}/fabrics/models/polyester.pwm", env!("CARGO_MANIFEST_DIR"));
     let smooth = PlyModel::load(path).unwrap();
-    let noisy = with_noise(&smooth, &mut rng);
+    let noisy = with_noise(&smooth);
     let slit = Slit::new(2.0, SLIT_SHARE, &GaussianBeam { w0_um: 10.0, lambda_um: 0.55, d_cut_um: 20.0 }).unwrap();
     for i in 0..3000 {
         let theta_i = 2.8 * (rng.random::<f32>() - 0.5);
@@ -114,7 +111,7 @@ fn whole_plies_answer_together_what_they_answer_alone() {
         let model = if i % 2 == 0 { &smooth } else { &noisy };
         let s = model.at(&PlyQuery {
             slit: (i % 3 == 0).then_some(&slit),
-            instance: Some(Instance::from_hash(i)),
+            place: place(i),
             cached: i % 7 != 0,
             ..PlyQuery::new(theta_i, h_um, sigma_per_um, LAMBDA)
         });
@@ -136,7 +133,7 @@ fn cached_plies_answer_what_uncached_ones_do() {
         crate::synthetic::Sizes { high: 13, ..crate::synthetic::STANDARD },
     ))
     .unwrap();
-    let models = [with_noise(&few, &mut rng), few, with_noise(&many, &mut rng), many, large];
+    let models = [with_noise(&few), few, with_noise(&many), many, large];
     let slit = Slit::new(2.0, SLIT_SHARE, &GaussianBeam { w0_um: 10.0, lambda_um: 0.55, d_cut_um: 20.0 }).unwrap();
     let (mut missed, mut sampled) = (0, 0);
     for i in 0..7500 {
@@ -146,7 +143,7 @@ fn cached_plies_answer_what_uncached_ones_do() {
         let sigma_per_um = rng.random::<[f32; 4]>().map(|s| if i % 7 == 0 { 0.0 } else { 0.1 * s * s });
         let query = PlyQuery {
             slit: (i % 11 == 0).then_some(&slit),
-            instance: Some(Instance::from_hash(i as u64)),
+            place: place(i),
             edge: i % 13 != 0,
             ..PlyQuery::new(theta_i, h_um, sigma_per_um, LAMBDA)
         };

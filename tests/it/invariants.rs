@@ -92,7 +92,7 @@ fn the_runtime_touches_files_in_io_alone() {
 
 #[test]
 fn unsafe_code_is_where_architecture_says() {
-    let allowed = ["src/math/simd.rs", "render/src/strands/wide.rs"];
+    let allowed = ["render/src/strands/wide.rs"];
     for folder in ["src", "sim/src", "fit/src", "pipeline/src", "render/src", "cli/src"] {
         for file in sources(folder).iter().filter(|f| !allowed.contains(&f.as_str())) {
             for (i, line) in code(file).iter().enumerate() {

@@ -5,6 +5,7 @@ mod cloth_query;
 mod cloth_relief;
 mod cloth_slits;
 mod cloth_spec;
+mod cloth_speckle;
 mod cloth_uneven;
 mod cones;
 mod corners;

@@ -4,8 +4,7 @@
 #![allow(clippy::undocumented_unsafe_blocks)] // Of all blocks: live pointers of the lengths that the calls ask for, but where it is said.
 
 use plywave::fiber::{FiberSource, FiberTable, FilamentSpec, OutlineSymmetry, TabulatedFiber};
-use plywave::ply::Queries;
-use plywave::speckle::Instance;
+use plywave::ply::{PlyPlace, Queries};
 use plywave::{Bsdf, BsdfSample, FiberModel, FiberQuery, PlyModel, PlyQuery};
 use plywave_capi::*;
 use rand::{RngExt, SeedableRng};
@@ -133,8 +132,13 @@ pub(crate) fn plies<const N: usize>(ply: &Handle<PlywavePly>, model: &PlyModel, 
     let (mut queries, mut answers, mut samples) = (Vec::new(), Vec::new(), Vec::new());
     let n = 48;
     let (w, u): (Vec<[f32; 3]>, Vec<[f32; 3]>) = (0..n).map(|_| (direction(rng), rng.random::<[f32; 3]>())).unzip();
-    let instances: Vec<PlywaveInstance> = (0..n)
-        .map(|i| PlywaveInstance { ply_id: i as u32, position_um: 300.0 * rng.random::<f32>(), grain_um: 20.0 })
+    let places: Vec<PlywavePlace> = (0..n)
+        .map(|i| PlywavePlace {
+            ply_id: i as u32,
+            azimuth: rng.random(),
+            along_um: 300.0 * rng.random::<f32>(),
+            footprint_um: (i % 3) as f32,
+        })
         .collect();
     let mut layers: Vec<PlywaveLayer> = vec![zeroed(); n];
     for i in 0..n {
@@ -142,16 +146,23 @@ pub(crate) fn plies<const N: usize>(ply: &Handle<PlywavePly>, model: &PlyModel, 
         let sigma: [f32; N] = std::array::from_fn(|_| 0.02 * rng.random::<f32>());
         let lambda: [f32; N] = std::array::from_fn(|_| 0.4 + 0.3 * rng.random::<f32>());
         // Every mixture of the options.
-        let [edge, with_slit, speckled, over] = [1, 2, 4, 8].map(|bit| i & bit != 0);
+        let [edge, with_slit, placed, over, relief] = [1, 2, 4, 8, 16].map(|bit| i & bit != 0);
         ok(|e| unsafe { plywave_ply_layer(ply.0, 0.4, N as i32, sigma.as_ptr(), &mut layers[i], e) });
         let below = model.layer(0.4, sigma).expect("a model with layers");
         assert_eq!(layers[i].reflected, four(below.reflected));
         assert_eq!(layers[i].transmitted_diffuse, four(below.transmitted_diffuse));
-        let grain = &instances[i];
+        let place = &places[i];
         let query = PlyQuery {
             edge,
             slit: with_slit.then_some(&slit),
-            instance: speckled.then(|| Instance::new(grain.ply_id, [grain.position_um, h_um], grain.grain_um)),
+            place: placed.then_some(PlyPlace {
+                ply: place.ply_id,
+                azimuth: place.azimuth,
+                along_um: place.along_um,
+                footprint_um: place.footprint_um,
+            }),
+            relief,
+            speckle: i % 5 != 0,
             below: over.then_some(below),
             ..PlyQuery::new(theta_i, h_um, sigma, lambda)
         };
@@ -163,8 +174,10 @@ pub(crate) fn plies<const N: usize>(ply: &Handle<PlywavePly>, model: &PlyModel, 
             lambda_um: four(lambda),
             no_edge: i32::from(!edge),
             uncached: 0,
+            no_relief: i32::from(!relief),
+            no_speckle: i32::from(i % 5 == 0),
             slit: if with_slit { c_slit.0 } else { null() },
-            instance: if speckled { grain } else { null() },
+            place: if placed { place } else { null() },
             below: if over { &layers[i] } else { null() },
         };
         let mut bsdf: PlywaveBsdf = zeroed();

@@ -192,9 +192,6 @@ pub struct NoiseArgs {
     /// Model to write [default: MODEL's name with -noise.pwm, in this folder].
     #[arg(long, short, value_name = "MODEL", requires = "model")]
     pub output: Option<PathBuf>,
-    /// Tiles of each kind: 1, 2, 4 or 8, of half a MiB each in memory.
-    #[arg(long, value_name = "N", default_value_t = 4, value_parser = tiles)]
-    pub tiles: u32,
     /// Contrast of the noise.
     #[arg(long, value_enum, default_value_t = NoiseContrastArg::Measured)]
     pub contrast: NoiseContrastArg,
@@ -207,14 +204,7 @@ pub struct NoiseArgs {
     /// Waist of the beam on the ply [um] [default: the one of the patterns' spec].
     #[arg(long, value_name = "UM", allow_negative_numbers = true)]
     pub w0: Option<f64>,
-    /// Seed of the tiles.
+    /// Seed of the sources.
     #[arg(long, value_name = "N", default_value_t = 1)]
     pub seed: u64,
-}
-
-fn tiles(text: &str) -> Result<u32, String> {
-    match text.parse() {
-        Ok(n) if [1, 2, 4, 8].contains(&n) => Ok(n),
-        _ => Err("must be 1, 2, 4 or 8".into()),
-    }
 }

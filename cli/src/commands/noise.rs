@@ -10,7 +10,7 @@ use plywave::ply::PlyData;
 use plywave::spec::YarnSpec;
 use plywave::speckle::{SpecklePatterns, SpecklePolarization};
 use plywave_fit::speckle::{
-    KIND_NAMES, LineComparison, NoiseContrast, NoiseKind, NoiseOptions, compare_lines, noise_tiles,
+    KIND_NAMES, LineComparison, NoiseContrast, NoiseKind, NoiseOptions, compare_lines, noise_spectrum,
 };
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -36,16 +36,15 @@ struct Line {
     covariance_floor: [f64; 2],
 }
 
-/// The tiles of one kind.
+/// The field of one kind.
 #[derive(serde::Serialize)]
-struct Tiles {
+struct Field {
     kind: &'static str,
     contrast_simulated: f64,
-    contrast_tiles: f64,
+    contrast: f64,
     half_width_deg: f64,
     fluctuating_share: f64,
     fade: [f64; 2],
-    largest_coding_error: f64,
 }
 
 /// Runs the command.
@@ -65,19 +64,19 @@ pub fn run(cli: &Cli, args: &NoiseArgs) -> Outcome {
     };
     let file = args.patterns.display().to_string();
     let start = Instant::now();
-    let (noise, kinds) = noise_tiles(&patterns, &options, &file)?;
+    let (noise, kinds) = noise_spectrum(&patterns, &options, &file)?;
     let time = start.elapsed();
     let lines: Vec<Line> = compare_lines(&patterns, &options, LINES, &file)?.iter().map(line).collect();
-    let kinds: Vec<Tiles> = kinds.iter().zip(KIND_NAMES).map(told).collect();
+    let kinds: Vec<Field> = kinds.iter().zip(KIND_NAMES).map(told).collect();
     let mut bytes = 0;
     if let (Some((_, data)), Some(path)) = (data, &path) {
-        PlyData { noise: Some(noise.into()), ..data }.save(path)?;
+        PlyData { noise: Some(noise), ..data }.save(path)?;
         bytes = std::fs::metadata(path).map_or(0, |m| m.len());
     }
     if cli.json {
         return output::print_json(&serde_json::json!({
-            "model": path.map(|p| p.display().to_string()), "bytes": bytes, "tiles_s": time.as_secs_f64(), "seed": args.seed,
-            "tiles": kinds, "lines": lines,
+            "model": path.map(|p| p.display().to_string()), "bytes": bytes, "fit_s": time.as_secs_f64(), "seed": args.seed,
+            "fields": kinds, "lines": lines,
         }));
     }
     if cli.quiet {
@@ -85,19 +84,14 @@ pub fn run(cli: &Cli, args: &NoiseArgs) -> Outcome {
     }
     output::print(|out| {
         if let Some(path) = &path {
-            writeln!(out, "{}: {}, tiles made in {}", path.display(), report::bytes(bytes), report::duration(time))?;
+            writeln!(out, "{}: {}, noise fitted in {}", path.display(), report::bytes(bytes), report::duration(time))?;
         }
-        writeln!(out, "  tiles  contrast simulated, in tiles   half width   fluctuating share   largest coding error")?;
+        writeln!(out, "  fields  contrast simulated, of the field   half width   fluctuating share")?;
         for k in &kinds {
             writeln!(
                 out,
-                "  {:<5}  {:>18.4}   {:>8.4}   {:>6.2} deg   {:>17.4}   {:.4} of the standard deviation",
-                k.kind,
-                k.contrast_simulated,
-                k.contrast_tiles,
-                k.half_width_deg,
-                k.fluctuating_share,
-                k.largest_coding_error
+                "  {:<6}  {:>18.4}   {:>12.4}   {:>6.2} deg   {:>17.4}",
+                k.kind, k.contrast_simulated, k.contrast, k.half_width_deg, k.fluctuating_share
             )?;
         }
         writeln!(
@@ -137,15 +131,14 @@ fn line(c: &LineComparison) -> Line {
     }
 }
 
-fn told((k, kind): (&NoiseKind, &'static str)) -> Tiles {
-    Tiles {
+fn told((k, kind): (&NoiseKind, &'static str)) -> Field {
+    Field {
         kind,
         contrast_simulated: k.measured.contrast(),
-        contrast_tiles: k.contrast,
+        contrast: k.model.covariance(0.0).sqrt(),
         half_width_deg: k.model.half_width_rad(LAGS_RAD[1]).to_degrees(),
         fluctuating_share: k.model.share,
         fade: k.model.fade,
-        largest_coding_error: k.coding_error,
     }
 }
 
@@ -157,7 +150,6 @@ fn options(args: &NoiseArgs, patterns: &SpecklePatterns) -> Outcome<NoiseOptions
     within("--w0", &[w0_um], (0.5, 1e4), " um")?;
     Ok(NoiseOptions {
         seed: args.seed,
-        tiles: args.tiles as usize,
         w0_um,
         polarization: match args.polarization {
             PolarizationArg::Unpolarized => SpecklePolarization::Unpolarized,
@@ -169,7 +161,6 @@ fn options(args: &NoiseArgs, patterns: &SpecklePatterns) -> Outcome<NoiseOptions
             NoiseContrastArg::Measured => NoiseContrast::Measured,
             NoiseContrastArg::Full => NoiseContrast::Developed,
         },
-        ..NoiseOptions::default()
     })
 }
 

@@ -1,5 +1,5 @@
 //! Figures of noise: synthesized patterns beside simulated ones (Yu 2025, Fig. 11 a), and what a model's
-//! tiles do to its terms (Fig. 11 b).
+//! noise does to its terms (Fig. 11 b).
 
 use super::noise::{LINES, spec_of};
 use crate::failure::Outcome;
@@ -12,8 +12,8 @@ use crate::plot::text::literal;
 use crate::report::number;
 use plywave::color::{color_matching, linear_srgb_of_xyz, srgb_encode};
 use plywave::frame::direction;
-use plywave::ply::PlyTerms;
-use plywave::speckle::{Instance, SpecklePatterns};
+use plywave::ply::{PlyPlace, PlyTerms};
+use plywave::speckle::SpecklePatterns;
 use plywave::{PlyModel, PlyQuery};
 use plywave_fit::speckle::{LineComparison, NoiseOptions, PatternCovariance, compare_lines};
 use std::path::Path;
@@ -134,7 +134,7 @@ fn rgb(light: &[f32; 12]) -> [f64; 3] {
     std::array::from_fn(|k| of[k] / white[k])
 }
 
-/// One instance of a model with noise at two incidences: smooth, as an instance has it, and the noise alone.
+/// One place of a model with noise at two incidences: smooth, as the place has it, and the noise alone.
 /// Grayscale where light is smooth, color by
 /// [`LAMBDAS`].
 pub fn model(title: &str, model: &PlyModel) -> Figure {
@@ -142,10 +142,11 @@ pub fn model(title: &str, model: &PlyModel) -> Figure {
     let mut head = Head { title: title.into(), ..Head::default() };
     let Some(noise) = model.noise() else { return page(&head, [0, 0], |_, _, _| ()) };
     head.particulars.push(format!(
-        "speckle noise of one instance at h = 0, σ = 0, in the color of 12 wavelengths; contrast of the tiles {:.3} (refl), {:.3} (high); the same scale in a row's three panels of a kind",
-        noise.contrast[0][1], noise.contrast[1][1]
+        "speckle noise of one place at h = 0, σ = 0, in the color of 12 wavelengths; contrast of the simulated fibers {:.3} (refl), {:.3} (high); the same scale in a row's three panels of a kind",
+        noise.contrast()[0],
+        noise.contrast()[1]
     ));
-    let instance = Instance::new(1, [0.0; 2], 1.0);
+    let place = PlyPlace::new(1, 0.0, 0.0);
     let size = [LEFT + LINE + 6 * (PANEL[0] + GAP[0]), 2 * (PANEL[1] + GAP[1])];
     page(&head, size, |figure, left, top| {
         for (row, theta_deg) in [0.0f64, 15.0].into_iter().enumerate() {
@@ -161,7 +162,7 @@ pub fn model(title: &str, model: &PlyModel) -> Figure {
                     let theta = MIDDLE - (f64::from(j - PANEL[1] / 2) + 0.5) / DOTS;
                     let wo = direction(theta.to_radians() as f32, phi.to_radians() as f32);
                     let PlyTerms { refl, high: [high], .. } = bsdf.terms(wo);
-                    let (n_refl, n_high) = noise.factors(instance, theta_i, wo, LAMBDAS);
+                    let (n_refl, n_high) = noise.factors(&place, 0.0, theta_i, wo, LAMBDAS);
                     (if kind == 0 { refl } else { high }, if kind == 0 { n_refl } else { n_high })
                 };
                 let every_eighth = |n: i32| (0..n).step_by(8);

@@ -116,7 +116,7 @@ fn files_are_refused_in_one_line() {
             bytes
         };
         write(&swap("\"shape\":[3,5]", "\"shape\":[5,3]"), &[]);
-        let version = if file.ends_with("pwm") { 2 } else { 1 };
+        let version = if file.ends_with("pwm") { 3 } else { 1 };
         write(&swap(&format!("\\\"version\\\":{version}"), "\\\"version\\\":9"), &["version"]);
         write(&swap("\\\"format\\\":\\\"plywave", "\\\"format\\\":\\\"plyweve"), &[]);
         std::fs::remove_file(dir.join(file)).unwrap();

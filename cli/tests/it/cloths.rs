@@ -209,7 +209,7 @@ fn the_mean_over_speckle_is_the_smooth_picture() {
     let options = SpeckleOptions { instances: 8, lambda_um: vec![0.4, 0.55, 0.7], ..SpeckleOptions::default() };
     let patterns = speckle(&spec, &data.spec_text, &options, Run::plain()).unwrap();
     let options = NoiseOptions { w0_um: spec.beam.w0_um, ..NoiseOptions::default() };
-    data.noise = Some(plywave_fit::speckle::noise_tiles(&patterns, &options, "patterns").unwrap().0.into());
+    data.noise = Some(plywave_fit::speckle::noise_spectrum(&patterns, &options, "patterns").unwrap().0);
     let model = Arc::new(PlyModel::from_data(data).unwrap());
     let of = |noise: bool| {
         let mut data = (*jersey).clone();

@@ -32,10 +32,9 @@ fn fibers_give_a_model_noise() {
     succeed(dir, &[&speckle[..], &["tiny.toml"]].concat());
     succeed(dir, &[&["build", "tiny.toml", "--preset", "preview", "--quiet"], ANY_FIT].concat());
 
-    let told = succeed(dir, &["noise", "tiny.pws", "-m", "tiny.pwm", "--tiles", "1"]);
+    let told = succeed(dir, &["noise", "tiny.pws", "-m", "tiny.pwm"]);
     assert!(told.contains("tiny-noise.pwm") && told.contains("contrast"), "{told}");
-    let again =
-        json(&succeed(dir, &["noise", "tiny.pws", "-m", "tiny.pwm", "--tiles", "1", "-o", "again.pwm", "--json"]));
+    let again = json(&succeed(dir, &["noise", "tiny.pws", "-m", "tiny.pwm", "-o", "again.pwm", "--json"]));
     let read = |name: &str| std::fs::read(dir.join(name)).unwrap();
     assert_eq!(read("again.pwm"), read("tiny-noise.pwm"));
     let bare = read("tiny.pwm").len() as u64;
@@ -48,8 +47,8 @@ fn fibers_give_a_model_noise() {
         assert!(a > 0.2 && (b / a - 1.0).abs() < 0.05, "{line}");
         assert!(line["covariance_distance"][0].as_f64().unwrap() < 0.1, "{line}");
     }
-    let contrast = again["tiles"][1]["contrast_tiles"].as_f64().unwrap();
-    assert!((contrast / again["tiles"][1]["contrast_simulated"].as_f64().unwrap() - 1.0).abs() < 0.05);
+    let contrast = again["fields"][1]["contrast"].as_f64().unwrap();
+    assert!((contrast / again["fields"][1]["contrast_simulated"].as_f64().unwrap() - 1.0).abs() < 0.05);
 
     succeed(dir, &["plot", "tiny-noise.pwm", "--part", "noise", "--quiet"]);
     succeed(dir, &["plot", "tiny.pws", "--quiet"]);
@@ -57,7 +56,6 @@ fn fibers_give_a_model_noise() {
     succeed(dir, &["check", "tiny-noise.pwm", "--max-error-refl", "9", "--max-error-high", "9"]);
 
     refused(dir, &["plot", "tiny.pwm", "--part", "noise"], &["tiny.pwm", "noise_spectrum", "plywave noise"]);
-    refused(dir, &["noise", "tiny.pws", "-m", "tiny.pwm", "--tiles", "3"], &["--tiles", "1, 2, 4 or 8"]);
     refused(dir, &["noise", "tiny.pws", "-m", "tiny.pwm", "--w0", "0"], &["--w0"]);
     refused(dir, &["noise", "tiny.pws", "-m", "tiny.pwm", "-o", "tiny.pwm"], &["tiny.pwm"]);
     refused(dir, &["noise", "tiny.pwm", "-m", "tiny.pwm"], &["tiny.pwm", "speckle patterns"]);

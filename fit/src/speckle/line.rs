@@ -87,7 +87,7 @@ pub struct LineComparison {
 /// simulated patterns are those of single fibers.
 ///
 /// # Errors
-/// As [`super::noise_tiles`].
+/// As [`super::noise_spectrum`].
 pub fn compare_lines(
     patterns: &SpecklePatterns,
     options: &NoiseOptions,

@@ -1,4 +1,4 @@
-//! Options of the synthesized noise: sizes, polarization and contrast.
+//! Options of the synthesized noise: beam, polarization and contrast.
 
 use plywave::speckle::{SpecklePolarization, SpeckleSide};
 
@@ -11,19 +11,11 @@ pub enum NoiseContrast {
     Developed,
 }
 
-/// Sizes and choices.
+/// Choices.
 #[derive(Clone, Debug, PartialEq)]
 pub struct NoiseOptions {
-    /// Seed of the tiles.
+    /// Seed of the sources.
     pub seed: u64,
-    /// Tiles per kind, a power of two.
-    pub tiles: usize,
-    /// Nodes along v, a power of two.
-    pub rows: usize,
-    /// Nodes along u, a power of two.
-    pub columns: usize,
-    /// Nodes in the half width at half height of the covariance.
-    pub nodes_a_half_width: f64,
     /// Waist of the beam on the ply [um], which is the illuminated length.
     pub w0_um: f64,
     /// Polarization of the light; renderers have unpolarized light.
@@ -38,10 +30,6 @@ impl Default for NoiseOptions {
     fn default() -> Self {
         NoiseOptions {
             seed: 1,
-            tiles: 4,
-            rows: 512,
-            columns: 1024,
-            nodes_a_half_width: 4.0,
             w0_um: 10.0,
             polarization: SpecklePolarization::Unpolarized,
             fibers: 1,

@@ -34,7 +34,7 @@ pub fn models() -> Vec<Vec<u8>> {
     layered.layers =
         Some(plywave::ply::LayerFactors { forward: vec![0.004; (2 * m - 1) * (2 * h - 1) * (1 + j)], diffuse });
     let mut noised = small.clone();
-    noised.noise = Some(noise().into());
+    noised.noise = Some(noise());
     vec![
         small.to_bytes().expect("it loads"),
         noised.to_bytes().expect("good noise"),
@@ -58,19 +58,18 @@ pub fn families() -> Vec<Vec<u8>> {
     vec![data.to_bytes().expect("two good nodes")]
 }
 
-/// Noise of small tiles.
+/// Noise of few positions.
 fn noise() -> NoiseSpectrum {
     NoiseSpectrum {
-        sizes: [1, 16, 16],
         seed: 1,
         spectrum: [[0.5, 0.25, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0], [0.0, 0.0, 0.0, 0.25, 0.25, 0.0, 0.0, 0.0, 0.0]]
             .concat(),
         share: [0.3, 1.0],
         w0_um: 10.0,
-        step: [[0.003, 0.01]; 2],
+        step_um: [0.3, 0.5],
         lambda_um: 0.4,
         fade: [[1.0, -0.2]; 2],
-        contrast: [[1.0; 2]; 2],
+        contrast: [1.0; 2],
     }
 }
 

@@ -5,9 +5,9 @@ use crate::Rng;
 use crate::seeds::CLOTH;
 use plywave::cloth::{ClothData, ClothLines, ClothModel, ClothOptions, ClothSpec, LineHits, Wif};
 use plywave::fiber::{FiberModel, FiberTable, FilamentSpec, TabulatedFiber};
-use plywave::ply::{FamilyParams, PlyFamily};
+use plywave::ply::{FamilyParams, PlyFamily, PlyPlace};
 use plywave::spec::YarnSpec;
-use plywave::speckle::{Instance, Noise, SpecklePatterns};
+use plywave::speckle::SpecklePatterns;
 use plywave::table::Table;
 use plywave::twin::ClothTwin;
 use plywave::{Bsdf, ClothQuery, FiberQuery, PlyModel, PlyQuery};
@@ -110,14 +110,13 @@ pub fn model(bytes: &[u8]) {
         if let Some(below) = ply.layer(theta_i, sigma) {
             ask("two layers", &ply.at(&PlyQuery { below: Some(below), ..base }), MAX, &mut rng);
         }
-        // Large tiles take some hundredths of a second to make.
-        if rng.below(8) != 0
-            && matches!(&ply.data().noise, Some(Noise::Spectrum(s)) if s.sizes[1] * s.sizes[2] > 1 << 16)
-        {
-            continue;
-        }
-        let instance = Some(Instance::new(rng.bits() as u32, [any(&mut rng, 1e4), base.h_um], 20.0));
-        ask("speckled ply", &ply.at(&PlyQuery { instance, ..base }), MAX, &mut rng);
+        let place = PlyPlace {
+            ply: rng.bits() as u32,
+            azimuth: any(&mut rng, 10.0),
+            along_um: any(&mut rng, 1e4),
+            footprint_um: any(&mut rng, 100.0),
+        };
+        ask("ply at a place", &ply.at(&PlyQuery { place: Some(place), ..base }), MAX, &mut rng);
     }
 }
 

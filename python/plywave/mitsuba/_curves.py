@@ -19,7 +19,8 @@ class Curves(Lines, Tables):
 
     def __init__(self, kit, tensors):
         Tables.__init__(self, kit, tensors)
-        self.top, self.largest, self.grain = map(float, tensors["scalars"][:3])
+        self.top, self.largest = map(float, tensors["scalars"][:2])
+        self.twist, self.along = kit.floats(tensors["twist"]), kit.floats(tensors["along"])
         self.options = dict(zip(("speckle", "layers", "shadowing", "edges"), (v > 0.5 for v in tensors["options"])))
         self.along_y = [bool(row[0] > 0.5) for row in tensors["kind"]]
         self.kinds, self.scale = len(self.along_y), [float(row[1]) for row in tensors["kind"]]
@@ -66,11 +67,15 @@ class Curves(Lines, Tables):
         # Not beyond 2^30, nor as far below.
         return kit.take_word(dyes, kit.uint((number % count + count) % count))
 
-    def pattern_of(self, hit, at):
-        """Number of a ply, and place along and across it [um], by which speckle has its patterns, of what a line meets."""
-        kit, curve = self.kit, hit["curve"]
-        ply = self.number_of(hit, at["corner"]) * 64 + curve
-        return ply if kit.jit else ply & 0xFFFFFFFF, hit["parameter"] * hit["speed"], hit["h_um"]
+    def place_on(self, hit, corner, wo, footprint_um):
+        """Where a line towards ``wo`` leaves a ply (``ClothModel::place``): the ply's number, the viewer's azimuth among its fibers, the way along it and the footprint [um]."""
+        kit, curve, (x, y, z) = self.kit, hit["curve"], hit["frame"][2]
+        ply = self.number_of(hit, corner) * 64 + curve
+        up = wo[2] - z * (wo[0] * x + wo[1] * y + wo[2] * z)
+        azimuth = dr.atan2(y * wo[0] - x * wo[1], up) - kit.take(self.twist, curve) * hit["parameter"]
+        i, j = (kit.float(kit.int(c + o)) for c, o in zip(hit["cells"], corner))
+        step, a, b = (kit.take(self.along, curve * 3 + k) for k in range(3))
+        return ply if kit.jit else ply & 0xFFFFFFFF, azimuth, step * hit["parameter"] + (a * i + b * j), footprint_um
 
     # Shadows
 

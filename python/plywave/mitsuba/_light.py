@@ -8,7 +8,6 @@ import drjit as dr
 
 from ._kit import detached, dot3
 from ._ply import clear_share, exit_lines
-from ._speckle import instance
 from ._tables import MAX_NEAR
 
 #: Plies that are kept: the first one that the line hits, and those behind it.
@@ -86,13 +85,11 @@ def plies_light(self, si, at, directions):
         lights = cloth.plies.lobes_towards(model, theta_i, h, sigma, towards, energies, gradients, self.slit_of(si, hit, at))
         exits = cloth.plies.exits(model, theta_i, h, cloth.ply_radius(hit))
         share, out = clear_share(sigma), []
+        if self.speckle is not None or self.relief is not None:
+            where = {key: detached(hit[key]) for key in ("frame", "curve", "parameter", "cells")}
+            place = cloth.place_on(where, at["corner"], detached(at["wo"]), detached(at["footprint"]))
         if self.speckle is not None:
-            ply, along, across = cloth.pattern_of(hit, at)
-            patterns = instance(kit, ply, along, across, cloth.grain)
-        if self.relief is not None:
-            ply, _, _ = cloth.pattern_of(hit, at)
-            where = {key: detached(hit[key]) for key in ("frame", "curve", "parameter")}
-            place = self.relief.place(ply, where, detached(at["wo"]), detached(at["footprint"]))
+            patterns = self.speckle.at(model, *place, h)
         for n, (v, (refl, high, of_slit, density)) in enumerate(zip(towards, lights)):
             if self.speckle is not None:
                 factors = self.speckle.factors(model, patterns, dr.sin(theta_i), v, self.lambda_um(si))

@@ -45,7 +45,7 @@ def define(Calls):
             filename = typed(name, props, "filename", str, None)
             if filename is None:
                 raise ValueError(f"{name}: filename: give a cloth file (.pwc), made with `plywave weave SPEC -o CLOTH.pwc`, or a cloth spec (.toml)")
-            self.read_footprint(props, on["far"] or on["relief"])
+            self.read_footprint(props, on["far"] or on["relief"] or on["speckle"])
             tables = _native.ClothTables(str(mi.file_resolver().resolve(filename)), gaps == "diffracted", **on)
             for note in tables.notes():
                 mi.Log(mi.LogLevel.Info, f"{name}: {note}")
@@ -75,7 +75,7 @@ def define(Calls):
             self.setup(components)
 
         def read_footprint(self, props, used):
-            """The keys of the far view and of relief."""
+            """The keys of the far view, of relief and of speckle."""
             name = self.PLUGIN
             footprint = [self.length(props, f"footprint_{key}", used) for key in ("um", "rad", "scale")]
             if self.kit.jit:
@@ -133,7 +133,7 @@ def define(Calls):
             if value is None:
                 return None
             if not used:
-                raise ValueError(f"{name}: {key}: given without far and relief: set one of them to true")
+                raise ValueError(f"{name}: {key}: given without far, relief and speckle: set one of them to true")
             if not (math.isfinite(value) and value >= 0.0):
                 raise ValueError(f"{name}: {key}: {value}: expected a number that is not negative")
             return value

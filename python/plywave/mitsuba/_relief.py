@@ -21,19 +21,11 @@ class Relief:
         rows = np.asarray(tensors["relief"], np.float64)
         self.some = bool((rows[:, COUNT] > 0.0).any())
         self.rows = [[float(x) for x in row] for row in rows]
-        self.twist = kit.floats(tensors["twist"])
 
     def number(self, which, kind):
         """A number of a kind's plies."""
         first, last = self.rows[0][which], self.rows[-1][which]
         return first if first == last else dr.select(kind == 0, first, last)
-
-    def place(self, ply, hit, wo, footprint_um):
-        """Where a line towards ``wo`` leaves a ply: the ply's number, the viewer's azimuth among its fibers, and the footprint (``ClothModel::place``)."""
-        x, y, z = hit["frame"][2]
-        up = wo[2] - z * (wo[0] * x + wo[1] * y + wo[2] * z)
-        azimuth = dr.atan2(y * wo[0] - x * wo[1], up) - self.kit.take(self.twist, hit["curve"]) * hit["parameter"]
-        return ply, azimuth, footprint_um
 
     def factors(self, kind, place, h_um, w):
         """Factors of f_refl and f_high in direction ``w`` of the ply's frame."""
@@ -46,7 +38,7 @@ class Relief:
 
     def factor(self, kind, place, x_um, which):
         kit, words = self.kit, self.words
-        ply, azimuth, footprint = place
+        ply, azimuth, _, footprint = place
         count, ring, own = (self.number(which, kind) for which in (COUNT, RING, WIDTH + which))
         has = count > 0.0
         apart = 2.0 * math.pi / dr.maximum(count, 1.0)

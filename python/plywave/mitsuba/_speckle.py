@@ -1,6 +1,6 @@
-"""Speckle in Dr.Jit (Yu 2025, 6.2): factors of mean 1 on f_refl and f_high, of tiles of noise that every stretch of a ply has placed elsewhere.
+"""Speckle in Dr.Jit (Yu 2025, 6.2): factors of mean 1 on f_refl and f_high, the power of a field of sources on the fibers of a ply.
 
-The tiles are those that the library makes of a model's noise; the formulas those of ``src/speckle/lookup.rs`` and ``tiles.rs``, the hash in 64-bit arithmetic too.
+The tables are those of the library's ``NoiseField``, the formulas those of ``src/speckle/field.rs``; so are the hashes, to the bit. Gradients do not flow through it.
 """
 
 import math
@@ -9,11 +9,13 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from ._kit import clamp
+from ._kit import clamp, detached
 
 GAMMA, MASK = 0x9E3779B97F4A7C15, (1 << 64) - 1
-# src/speckle/tiles.rs
-SEAM_RAD = 0.15
+# src/speckle/field.rs
+SEAM_RAD, CELLS, ACROSS, LEAST, SPREAD, STEPS, TABLE = 0.15, 16, 0.58, 0.02, 0x9E3779B9, (0xC13FA9A9, 0x91E10DA5), 512
+SIZE, ALONG, REFL, HIGH = range(4)
+NUMBERS = "count ring w0 lam share_refl share_high fade_refl slope_refl fade_high slope_high seed has".split()
 
 
 class Words:
@@ -28,9 +30,6 @@ class Words:
     def times(self, x, factor):
         return x * self.of(factor) if self.jit else (x * factor) & MASK
 
-    def plus(self, x, y):
-        return x + y if self.jit else (x + y) & MASK
-
     def mix(self, x):
         """The finalizer of SplitMix64 (src/math/hash.rs)."""
         x = self.times(x ^ (x >> 30), 0xBF58476D1CE4E5B9)
@@ -38,123 +37,185 @@ class Words:
         return x ^ (x >> 31)
 
 
-def instance(kit, ply, along, h_um, grain_um):
-    """The patterns of a place on a ply, by its number and the place along and across it [um] (``Instance::new``)."""
-    words = Words(kit.jit)
-    # In doubles rounded to singles at each step, as the library's singles are: a product with the reciprocal,
-    # or one step for two, would end grains elsewhere.
-    double, single = (mi.Float64, lambda x: mi.Float64(kit.Float(x))) if kit.jit else (float, lambda x: float(np.float32(x)))
-    grain_um = double(np.float32(grain_um).item())
-
-    def whole(um, shift):
-        cell = dr.floor(single(single(double(um) / grain_um) + shift))
-        return words.of(kit.UInt(mi.Int32(cell)) if kit.jit else int(cell) & 0xFFFFFFFF)
-
-    ply = kit.UInt(ply) if kit.jit else int(ply) & 0xFFFFFFFF
-    row = words.mix((words.of(ply) << 32) | whole(h_um, 0.5))
-    shift = (double(kit.UInt(row >> 44)) if kit.jit else float(row >> 44)) * 2.0**-20
-    return words.mix(words.plus(row ^ words.of(GAMMA), whole(along, shift)))
-
-
 class Speckle:
-    """Tiles of one or several models on the device."""
+    """The noise of one or several models on the device."""
 
     def __init__(self, kit, noise):
-        """``noise``: of each model a dictionary of its tiles (python/src/tensors.rs), or none."""
-        self.kit, self.words = kit, Words(kit.jit)
+        """``noise``: of each model a dictionary of its numbers and tables (python/src/tensors.rs), or none."""
+        self.kit = kit
         self.some = any(n is not None for n in noise)
         if not self.some:
             return
-        codes, scales, heads, at = [], [], [], 0
-        for n in noise:
-            if n is None:
-                # A tile of one node, whose value is not used.
-                heads.append([0.0, 0, 0, 0, 1, *[1.0] * 4, *[0.0] * 4, 1.0, 1])
-                continue
-            tiles = n["tiles"]
-            _, count, rows, columns = tiles.shape
-            step, fade = np.asarray(n["step"], np.float64), np.asarray(n["fade"], np.float64)
-            lam = float(np.float32(n["lambda_um"]))
-            per = 1.0 / step.astype(np.float32)
-            fade = [np.float32(fade[kind][0]) if i == 0 else np.float32(fade[kind][1]) * np.float32(lam) for kind in range(2) for i in range(2)]
-            heads.append([1.0, at, sum(map(len, scales)) // 2, count - 1, rows, *per.ravel(), *fade, 1.0 / lam, columns])
-            codes.append(tiles.ravel())
-            scales.append(np.asarray(n["code"], np.float32).ravel())
-            at += tiles.size
-        self.codes = kit.words(np.pad(np.concatenate(codes), (0, -at % 4)).view("<u4"))
-        self.scales = kit.floats(np.concatenate(scales))
-        columns = list(zip(*heads))
-        names = "has first scale mask rows v_refl u_refl v_high u_high fade_refl slope_refl fade_high slope_high per_lambda columns".split()
-        self.whole = {"first", "scale", "mask", "rows", "columns"}
-        self.head = {name: values[0] if len(set(values)) == 1 else self._table(name, values) for name, values in zip(names, columns)}
+        rows = [[1.0] * 10 + [0, 0.0] if n is None else [*map(float, n["numbers"]), int(n["seed"]), 1.0] for n in noise]
+        none = np.zeros((4, TABLE), np.float32)
+        self.tables = kit.floats(np.concatenate([none if n is None else n["tables"] for n in noise]))
+        columns = dict(zip(NUMBERS, zip(*rows)))
+        self.head = {name: values[0] if len(set(values)) == 1 else self._table(name, values) for name, values in columns.items()}
 
     def _table(self, name, values):
-        return self.kit.words(values) if name in self.whole else self.kit.floats(values)
+        return self.kit.words(values) if name == "seed" else self.kit.floats(values)
 
     def number(self, name, model):
         """A number of a model: a constant where all have the same."""
         value = self.head[name]
-        if isinstance(value, (int, float, np.floating)):
-            return int(value) if name in self.whole else float(value)
-        return self.kit.take_word(value, model) if name in self.whole else self.kit.take(value, model)
+        if isinstance(value, (int, float)):
+            return value
+        return self.kit.take_word(value, model) if name == "seed" else self.kit.take(value, model)
 
-    def unit(self, bits, sides):
-        """A place on a tile, of 20 bits."""
-        low = bits & self.words.of(0xFFFFF)
+    def entry(self, model, table, index):
+        return self.kit.take(self.tables, (model * 4 + table) * TABLE + index)
+
+    def word(self, x):
+        """A whole number as a word, modulo 2^32."""
+        return self.kit.UInt(x) if self.kit.jit else int(x) & 0xFFFFFFFF
+
+    def times(self, x, factor):
+        return x * self.kit.UInt(factor) if self.kit.jit else (x * factor) & 0xFFFFFFFF
+
+    def plus(self, x, y):
+        return x + y if self.kit.jit else (x + y) & 0xFFFFFFFF
+
+    def mix(self, x):
+        """A mixing hash of 32 bits (``mix32`` of src/math/hash.rs)."""
+        x = self.times(x ^ (x >> 16), 0x7FEB352D)
+        x = self.times(x ^ (x >> 15), 0x846CA68B)
+        return x ^ (x >> 16)
+
+    def row(self, model, azimuth, h_um):
+        """How many fibers around lies what shows at an offset (``FibersAround::row``)."""
+        x = clamp(h_um / self.number("ring", model), -1.0, 1.0)
+        asin = dr.atan2(x, dr.sqrt(dr.maximum(1.0 - x * x, 0.0)))
+        return self.number("count", model) * (0.5 / math.pi) * (azimuth - asin)
+
+    def blur(self, model, footprint_um, h_um):
+        """Contrast of each kind that a footprint leaves."""
+        footprint_um = dr.maximum(footprint_um, 0.0)
+        along = 0.29 * footprint_um / self.number("w0", model)
+        rows = self.row(model, 0.0, h_um - 0.5 * footprint_um) - self.row(model, 0.0, h_um + 0.5 * footprint_um)
+        a, b = along * along, (0.29 / ACROSS * rows) ** 2
+        field = 1.0 / dr.sqrt((1.0 + 2.0 * a) * (1.0 + 2.0 * b))
+        square = 1.0 / dr.sqrt((1.0 + 4.0 * a) * (1.0 + 4.0 * b))
+        out = []
+        for kind in ("refl", "high"):
+            share = self.number(f"share_{kind}", model)
+            left = dr.sqrt((2.0 * (1.0 - share) * field + share * square) / (2.0 - share))
+            left = dr.maximum((left - LEAST) / (1.0 - LEAST), 0.0)
+            out.append(dr.select(footprint_um > 0.0, left, 1.0))
+        return out
+
+    def at(self, model, ply, azimuth, along_um, footprint_um, h_um):
+        """The patterns of a place: of the two fibers the hash, the lowest cell, the place past that in the middle, the scale of the weights and the first quantiles of positions; number
+        of their sources; and the contrast."""
         kit = self.kit
-        return kit.float(kit.UInt(low) if kit.jit else low) * (1.0 / (1 << 20)) * (kit.float(sides) if kit.jit else float(sides))
+        azimuth, along_um, footprint_um, h_um = map(detached, (azimuth, along_um, footprint_um, h_um))
+        count = self.number("count", model)
+        row = self.row(model, azimuth, h_um) - 0.5
+        first = dr.floor(row)
+        t = dr.select(count < 1.5, 0.0, clamp(2.0 * (row - first) - 0.5, 0.0, 1.0))
+        first, t = dr.select(t >= 1.0, first + 1.0, first), dr.select(t >= 1.0, 0.0, t)
+        turn = 0.5 * math.pi * t * t * (3.0 - 2.0 * t)
+        of_ply = self.mix(self.word(ply) ^ self.word(self.number("seed", model)))
+        fibers = []
+        for i, share in enumerate((dr.cos(turn), dr.sin(turn))):
+            number = first + float(i)
+            number = number - count * dr.floor(number / count)
+            # Rounding may leave the number of all.
+            number = dr.select(number >= count, 0.0, number)
+            key = self.mix(self.plus(of_ply, self.times(self.word(number), SPREAD)))
+            cell = 0.25 * CELLS / self.number("w0", model) * along_um + 2.0**-24 * kit.float(key >> 8)
+            whole = dr.floor(cell)
+            past = clamp(cell - whole, 0.0, 1.0)
+            sum_ = 0.0
+            for s in range(CELLS):
+                w = self.window(float(s), past)
+                sum_ = sum_ + w * w
+            lowest = self.word(kit.int(whole) - (CELLS // 2 - 1))
+            shifts = [self.mix(self.plus(key, k)) for k in (1, 2, 3)]
+            fibers.append([key, lowest, past, dr.abs(share) / dr.sqrt(sum_), *shifts])
+        return fibers, kit.uint(dr.select(t > 0.0, 2 * CELLS, CELLS)), self.blur(model, footprint_um, h_um)
 
-    def node(self, first, columns, scale, row, column):
+    def window(self, s, past):
+        d = (s - (CELLS // 2 - 1) - past) * (2.0 / CELLS)
+        open_ = 1.0 - d * d
+        return open_ * open_ * open_
+
+    def source(self, model, fibers, s):
+        """Weight and position along the fiber of a source; of each kind its size, phase [half turns] and position across."""
         kit = self.kit
-        at = first + row * columns + column
-        code = (kit.take_word(self.codes, at >> 2) >> ((at & 3) * 8)) & 255
-        root = scale[0] + scale[1] * kit.float(code)
-        return root * root
+        is_second = s >= CELLS
+        key, lowest, past, scale, *shifts = (dr.select(is_second, b, a) for a, b in zip(*fibers))
+        within = s & (CELLS - 1)
+        weight = scale * self.window(kit.float(within), past)
+        cell = self.plus(lowest, within)
+        word = self.mix(key ^ self.times(cell, SPREAD))
+        position = lambda table, k, step: self.position(model, table, self.plus(shifts[k], self.times(cell, step)))
+        kinds = []
+        for k, kind in enumerate((REFL, HIGH)):
+            own = word >> (16 * k)
+            kinds.append((self.entry(model, SIZE, own & (TABLE - 1)), kit.float(own >> 9 & 127) * (1.0 / 64.0), position(kind, k, STEPS[0])))
+        return weight, position(ALONG, 2, STEPS[1]), kinds
 
-    def value(self, tile, v, u):
-        """N at a place, bilinear."""
-        kit, (first, rows, columns, scale) = self.kit, tile
-        (fv, row), (fu, column) = kit.floor(v), kit.floor(u)
-        v, u = v - fv, u - fu
-        word = (lambda x: kit.UInt(x)) if kit.jit else (lambda x: int(x) & 0xFFFFFFFF)
-        row, column = word(row) & (rows - 1), word(column) & (columns - 1)
-        below, right = (row + 1) & (rows - 1), (column + 1) & (columns - 1)
-        a, b, c, d = (self.node(first, columns, scale, r, q) for r in (row, below) for q in (column, right))
-        top, bottom = a + u * (b - a), c + u * (d - c)
-        return top + v * (bottom - top)
+    def position(self, model, table, quantile):
+        """Entry of a table of positions up to their sign at a quantile of 32 bits."""
+        is_above = quantile >= 1 << 31
+        x = self.entry(model, table, dr.select(is_above, quantile, self.word(0xFFFFFFFF) - quantile) >> 22 & (TABLE - 1))
+        return dr.select(is_above, x, -x)
 
-    def factors(self, model, instance, sin_i, w, lam):
+    def waves(self, model, fibers, count, points, per, which, wanted):
+        """Of each kind and wavelength the field at u, or at u on the other side of the seam, where it is wanted; of that, too, the correlation of both sides."""
+        kit = self.kit
+        zero = lambda: [[kit.float(0.0) for _ in range(kit.count)] for _ in points]
+
+        def add(s, re, im, both):
+            weight, along, kinds = self.source(model, fibers, s)
+            re, im, both = ([list(row) for row in x] for x in (re, im, both))
+            for i, ((size, phase, across), (u, other, v, _)) in enumerate(zip(kinds, points)):
+                for k in range(kit.count):
+                    sin, cos = dr.sincos(math.pi * self.part(phase + per[k] * (across * (other if which else u) + along * v)))
+                    re[i][k] += weight * size * cos
+                    im[i][k] += weight * size * sin
+                    if which:
+                        both[i][k] += weight * weight * dr.cos(math.pi * self.part(per[k] * across * (u - other)))
+            return s + 1, re, im, both
+
+        state = (kit.uint(0), zero(), zero(), zero())
+        return kit.loop(state, lambda s, *_: kit.both(s < count, wanted), add, "speckle")[1:]
+
+    def part(self, half_turns):
+        """Half turns without whole turns: the sine and the cosine of large numbers are slow, and not exact."""
+        return half_turns - 2.0 * dr.round(0.5 * half_turns)
+
+    def factors(self, model, place, sin_i, w, lam):
         """Factors of f_refl and f_high by wavelength, in direction ``w`` of the ply's frame."""
-        kit, words = self.kit, self.words
+        kit, (fibers, count, blur) = self.kit, place
+        sin_i, w, lam = detached(sin_i), detached(w), [detached(lam[k]) for k in range(kit.count)]
         x, y, z = w
         alpha = dr.atan2(-x, y)
         beta = alpha - dr.select(alpha < 0.0, -math.pi, math.pi)
         v = z + sin_i
-        places = [(alpha, dr.sqrt(dr.maximum(1.0 - 0.25 * v * v, 0.0)), v), (beta, dr.sqrt(x * x + y * y), z)]
-        rows, columns = self.number("rows", model), self.number("columns", model)
-        has, out = self.number("has", model) > 0.5, []
-        for kind, (name, (azimuth, cos, along)) in enumerate(zip(("refl", "high"), places)):
-            bits = words.mix(instance ^ words.of(((kind + 1) * GAMMA) & MASK))
-            low = lambda x: kit.UInt(x & words.of(0xFFFFFFFF)) if kit.jit else int(x) & 0xFFFFFFFF
-            mask = self.number("mask", model)
-            index = kind * (mask + 1) + (low(bits >> 42) & mask)
-            first = self.number("first", model) + index * (rows * columns)
-            at = (self.number("scale", model) + index) * 2
-            tile = (first, rows, columns, [kit.take(self.scales, at), kit.take(self.scales, at + 1)])
-            offset = [self.unit(bits, rows), self.unit(bits >> 20, columns)]
-            mirror = [dr.select((low(bits >> s) & 1) == 1, -1.0, 1.0) for s in (62, 63)]
-            per = [m * self.number(f"{axis}_{name}", model) for m, axis in zip(mirror, "vu")]
-            # On the other side of the seam, and its share.
+        points = []
+        for azimuth, cos, along in ((alpha, dr.sqrt(dr.maximum(1.0 - 0.25 * v * v, 0.0)), v), (beta, dr.sqrt(dr.minimum(x * x + y * y, 1.0)), z)):
             beyond = azimuth - dr.select(azimuth < 0.0, -2.0 * math.pi, 2.0 * math.pi)
             t = clamp((dr.abs(azimuth) - (math.pi - SEAM_RAD)) * (1.0 / SEAM_RAD), 0.0, 1.0)
-            share, factor = t * t * (1.5 - t), kit.zero_s()
+            points.append((azimuth * cos, beyond * cos, along, t * t * (3.0 - 2.0 * t)))
+        own = self.number("lam", model)
+        lam = [own * clamp(lam[k] / own, 0.1, 10.0) for k in range(kit.count)]
+        per = [2.0 / l for l in lam]
+        has = self.number("has", model) > 0.5
+        seen = kit.both(kit.bool(has), (blur[0] > 0.0) | (blur[1] > 0.0))
+        re, im, _ = self.waves(model, fibers, count, points, per, False, seen)
+        at_seam = (points[0][3] > 0.0) | (points[1][3] > 0.0)
+        over_re, over_im, both = self.waves(model, fibers, count, points, per, True, kit.both(seen, at_seam))
+        out = []
+        for i, kind in enumerate(("refl", "high")):
+            share, factor = self.number(f"share_{kind}", model), kit.zero_s()
+            turn = 0.25 * math.pi * points[i][3]
+            a, b = dr.cos(turn), dr.sin(turn)
             for k in range(kit.count):
-                ratio = clamp(lam[k] * self.number("per_lambda", model), 0.1, 10.0)
-                per_v, per_u = per[0] / ratio, per[1] / ratio
-                at_v = along * per_v + offset[0]
-                n = self.value(tile, at_v, azimuth * cos * per_u + offset[1])
-                n = n + share * (self.value(tile, at_v, beyond * cos * per_u + offset[1]) - n)
-                fade = clamp(self.number(f"slope_{name}", model) * ratio + self.number(f"fade_{name}", model), 0.0, 1.0)
-                factor[k] = dr.select(has, 1.0 + fade * (n - 1.0), 1.0)
+                scale = dr.sqrt(share) / dr.sqrt(dr.maximum(1.0 + 2.0 * a * b * both[i][k], 1e-3))
+                real = dr.sqrt(1.0 - share) + scale * (a * re[i][k] + b * over_re[i][k])
+                imaginary = scale * (a * im[i][k] + b * over_im[i][k])
+                fade = blur[i] * clamp(self.number(f"slope_{kind}", model) * lam[k] + self.number(f"fade_{kind}", model), 0.0, 1.0)
+                factor[k] = dr.select(seen, 1.0 + fade * (real * real + imaginary * imaginary - 1.0), 1.0)
             out.append(factor)
         return out

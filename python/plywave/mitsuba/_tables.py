@@ -26,7 +26,7 @@ class Tables(Shadows, Between):
         self.passed, self.passed_h = kit.floats(np.stack(corners, -1)), kit.floats(tensors["passed_h_um"])
         self.free_table = kit.words(np.ascontiguousarray(tensors["shadow_free"]).reshape(-1).view("<u4"))
         curve = tensors["curve"]
-        self.curve_length = float(tensors["scalars"][3])
+        self.curve_length = float(tensors["scalars"][2])
         self.curve_nodes = len(curve)
         self.curve = kit.floats(curve)
         at_one = 1.0 / (1.0 + self.curve_length)

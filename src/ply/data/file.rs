@@ -8,7 +8,7 @@ use crate::io::{Axis, Check, Document, FileKind, Provenance, Reader, Summary, Wr
 use crate::ply::asg::PARAMS;
 use crate::ply::cone::{CONE_OFFSET_MAX, LobeKind};
 use crate::ply::{EnergiesAt, PlyData, PlyEnergies, PlyModel, PlyQuery};
-use crate::speckle::Noise;
+use crate::speckle::{NOISE_NAMES, NoiseSpectrum};
 use crate::table::TOLERANCE;
 use crate::{Bsdf, Result};
 use std::path::Path;
@@ -162,7 +162,7 @@ impl Document for PlyData {
     fn names() -> Vec<&'static str> {
         let parts =
             [&NAMES[..], &LOBES[0].1, &LOBES[1].1, &layer_factors::NAMES, &exits::NAMES, &edge_lobes::NAMES].concat();
-        parts.into_iter().chain(Noise::names()).collect()
+        parts.into_iter().chain(NOISE_NAMES).collect()
     }
 
     fn provenance(&self) -> Provenance {
@@ -274,7 +274,7 @@ impl Document for PlyData {
             layers: LayerFactors::read(r, (m, h, j))?,
             exits: ExitOffsets::read(r, m, h)?,
             edge: EdgeLobes::read(r)?,
-            noise: Noise::read(r)?,
+            noise: NoiseSpectrum::read(r)?,
         })
     }
 
