@@ -1,17 +1,25 @@
 //! A cloth for other programs: reports, BSDF files, materials.
 //!
-//! [`export`] makes the files of a [`Format`] in memory; [`Exported::save`] writes them. All of them are of the
-//! same mean over the cell ([`MeanCloth`]), or of maps of the same cloth over its repeat.
+//! [`export`] makes the files of a [`Format`] in memory; [`Exported::save`] writes them. All of them are of
+//! the same mean over the cell ([`MeanCloth`]), or of maps of the same cloth over its repeat.
 
 mod basis;
+mod gltf;
+mod maps;
+mod material;
 mod matrix;
 mod mean;
+mod openpbr;
 mod report;
 mod rgl;
 mod tensor_file;
+mod textures;
+mod usd;
 mod window_xml;
 
 pub use basis::{Basis, KLEMS_RINGS, incident, outgoing};
+pub use maps::{Maps, Point, Texel, rectangle};
+pub use material::{Fit, Gloss, Material};
 pub use matrix::{BAND_NAMES, BANDS, Block, Matrix, Steps};
 pub use mean::{Bands, BeyondVisible, CONE_RAD, Energies, Estimate, MeanCloth, NODES, Spectrum, lambda_um};
 pub use report::{Report, Row, View};
@@ -32,11 +40,18 @@ pub enum Format {
     TensorTree,
     /// The RGL's tensor file of measured materials: reflection of the face.
     Rgl,
+    /// OpenPBR as MaterialX, with textures.
+    OpenPbr,
+    /// A swatch as GLB.
+    Gltf,
+    /// A swatch as USD, with MaterialX and a preview surface.
+    Usd,
 }
 
 impl Format {
     /// All.
-    pub const ALL: [Format; 4] = [Format::Report, Format::Klems, Format::TensorTree, Format::Rgl];
+    pub const ALL: [Format; 7] =
+        [Format::Report, Format::Klems, Format::TensorTree, Format::Rgl, Format::OpenPbr, Format::Gltf, Format::Usd];
 
     /// As the command line has it.
     pub fn name(self) -> &'static str {
@@ -45,6 +60,9 @@ impl Format {
             Format::Klems => "klems",
             Format::TensorTree => "tensortree",
             Format::Rgl => "rgl",
+            Format::OpenPbr => "openpbr",
+            Format::Gltf => "gltf",
+            Format::Usd => "usd",
         }
     }
 
@@ -59,6 +77,9 @@ impl Format {
             Format::Report => &["md", "html", "json", "csv"],
             Format::Klems | Format::TensorTree => &["xml"],
             Format::Rgl => &["bsdf"],
+            Format::OpenPbr => &["mtlx"],
+            Format::Gltf => &["glb"],
+            Format::Usd => &["usda"],
         }
     }
 }
@@ -78,6 +99,12 @@ pub struct ExportOptions {
     pub views: Vec<View>,
     /// Squares along an edge of the hemisphere of a tensor tree, a power of two.
     pub squares: usize,
+    /// Whether an RGL file has spectra instead of linear sRGB.
+    pub is_spectral: bool,
+    /// Pixels of textures along the longer side of the repeat.
+    pub pixels: usize,
+    /// Length of cloth to a unit of a surface's texture coordinates [mm], of MaterialX.
+    pub mm_per_uv: f64,
 }
 
 impl Default for ExportOptions {
@@ -89,6 +116,9 @@ impl Default for ExportOptions {
             seed: 1,
             views: Vec::new(),
             squares: 16,
+            is_spectral: false,
+            pixels: 256,
+            mm_per_uv: 100.0,
         }
     }
 }
@@ -162,6 +192,12 @@ fn check(options: &ExportOptions, format: Format) -> Result<(), Error> {
     if format == Format::TensorTree && ![8, 16, 32].contains(&options.squares) {
         return refuse("squares", options.squares.to_string(), "must be 8, 16 or 32");
     }
+    if !(16..=4096).contains(&options.pixels) {
+        return refuse("pixels", options.pixels.to_string(), "must be 16 to 4096");
+    }
+    if !(1e-3..=1e6).contains(&options.mm_per_uv) {
+        return refuse("mm_per_uv", options.mm_per_uv.to_string(), "must be 0.001 to 1000000, in mm");
+    }
     for view in &options.views {
         if !(0.0..1.57).contains(&view.tilt_rad) || !view.azimuth_rad.is_finite() {
             let value = format!("{:.3} rad", view.tilt_rad);
@@ -179,7 +215,7 @@ const TREE_STEPS: Steps = Steps { incident: 2, outgoing: 2 };
 /// Difference of values that a tensor tree leaves out, over the larger one.
 const TREE_TOLERANCE: f64 = 0.02;
 /// Nodes of the RGL's file.
-const RGL_SIZE: rgl::RglSize = rgl::RglSize { phi_i: 17, theta_i: 12, half: [48, 64] };
+const RGL_SIZE: rgl::RglSize = rgl::RglSize { phi_i: 17, theta_i: 12, half: [64, 64] };
 
 /// The files of a cloth in a format; `name` is that of the main file.
 ///
@@ -263,16 +299,103 @@ pub fn export(
         }
         Format::Rgl => {
             tell(0, 1);
-            let rgl = rgl::rgl(&cloth, &data.name, RGL_SIZE, run)?;
+            let rgl = rgl::rgl(&cloth, &data.name, RGL_SIZE, options.is_spectral, run)?;
             let (facts, note) = left_out(&cloth, options);
             let notes = vec![
                 note,
-                "rgb is linear sRGB under D65, without what lies outside its gamut; spectra have nine wavelengths."
-                    .into(),
+                match options.is_spectral {
+                    true => "Spectra, for spectral renderers: nine wavelengths from 380 to 780 nm.".into(),
+                    false => "Linear sRGB under D65, cut to its gamut, for renderers of RGB.".into(),
+                },
             ];
             Ok(Exported { files: vec![(name.into(), rgl.bytes)], notes, facts })
         }
+        Format::OpenPbr | Format::Gltf | Format::Usd => {
+            tell(0, 1);
+            swatch(&cloth, data, format, name, options)
+        }
     }
+}
+
+/// Size of a swatch, at least, of whole repeats [um].
+const SWATCH_UM: f64 = 1e4;
+
+/// A material and its textures, in the files of a format.
+fn swatch(
+    cloth: &MeanCloth,
+    data: &ClothData,
+    format: Format,
+    name: &str,
+    options: &ExportOptions,
+) -> Result<Exported, Error> {
+    let maps = Maps::new(cloth, name, options.pixels)?;
+    let material = Material::fit(cloth, &maps, name)?;
+    let textures = textures::Textures::new(&maps, &material);
+    let fit = &material.fit;
+    let percent = |v: f64| format!("{:.1} %", 100.0 * v);
+    let mut notes = vec![
+        format!(
+            "Fitted to the mean BSDF of the cloth: error {} of the reflected light and {} of the transmitted (relative L2 over directions).",
+            percent(fit.error[0]),
+            percent(fit.error[1])
+        ),
+        format!(
+            "Error by lobe, where it is the largest: glossy {}, fuzz {}, diffuse {}; they are {}, {} and {} of the reflected light.",
+            percent(fit.by_lobe[0]),
+            percent(fit.by_lobe[1]),
+            percent(fit.by_lobe[2]),
+            percent(fit.shares[0]),
+            percent(fit.shares[1]),
+            percent(fit.shares[2])
+        ),
+        format!(
+            "Opacity is the cover along the normal, {}; light through gaps goes straight on at every angle as it does there.",
+            percent(maps.cover())
+        ),
+    ];
+    if textures.cut > 1e-3 {
+        notes.push(format!(
+            "Colors above 1 are cut off in the textures: {} of the diffuse light.",
+            percent(textures.cut)
+        ));
+    }
+    let [warp, weft] = material.gloss;
+    let facts = vec![
+        ("error_reflected", fit.error[0]),
+        ("error_transmitted", fit.error[1]),
+        ("reflectance_of_the_cloth", fit.energy[0][0]),
+        ("reflectance_of_the_material", fit.energy[1][0]),
+        ("transmittance_of_the_cloth", fit.energy[0][1]),
+        ("transmittance_of_the_material", fit.energy[1][1]),
+        ("warp_roughness", warp.roughness),
+        ("warp_anisotropy", warp.anisotropy),
+        ("weft_roughness", weft.roughness),
+        ("weft_anisotropy", weft.anisotropy),
+        ("f0", warp.f0),
+        ("fuzz_weight", material.fuzz[0]),
+        ("fuzz_roughness", material.fuzz[1]),
+    ];
+    let repeats = maps.size_um.map(|um| (SWATCH_UM / um).ceil().clamp(1.0, 1e4) as u32);
+    let stem = Path::new(name).file_stem().map(|s| s.to_string_lossy().into_owned()).unwrap_or_default();
+    let mut files = Vec::new();
+    if format == Format::Gltf {
+        files.push((name.to_string(), gltf::glb(&data.name, &maps, &material, &textures, repeats, &notes)?));
+    } else {
+        let made = openpbr::TextureFiles::new(&stem, &maps, &material, &textures)?;
+        // On a swatch of USD, texture coordinates count repeats.
+        let mm_per_uv = if format == Format::Usd { None } else { Some(options.mm_per_uv) };
+        let text = openpbr::mtlx(&data.name, &maps, &material, &textures, &made, mm_per_uv, &notes);
+        if format == Format::Usd {
+            let mtlx = format!("{stem}.mtlx");
+            let usda = usd::usda(&data.name, &mtlx, &maps, &material, textures.mix, &made, repeats, &notes);
+            files.push((name.to_string(), usda.into_bytes()));
+            files.push((mtlx, text.into_bytes()));
+        } else {
+            files.push((name.to_string(), text.into_bytes()));
+        }
+        files.extend(made.files);
+    }
+    Ok(Exported { files, notes, facts })
 }
 
 /// Light under an even sky over the face that a format of reflection alone leaves out, as facts and in words.

@@ -1,6 +1,6 @@
 //! Tables of the CIE at 5 nm from 0.38 to 0.78 um: the standard observers of 1931 and 1964 (ISO/CIE 11664-1,
-//! with the digits of the CVRL's tables ciexyz31 and ciexyz64) and standard illuminant D65 (ISO/CIE 11664-2). The tests of
-//! [`crate::color`] compare them with the published white points.
+//! with the digits of the CVRL's tables ciexyz31 and ciexyz64) and standard illuminant D65 (ISO/CIE 11664-2).
+//! The tests of [`crate::color`] compare them with the published white points.
 
 /// Color matching function x of the CIE 1931 standard observer (2 degrees).
 pub(crate) const X_BAR: [f64; 81] = [

@@ -17,6 +17,12 @@ pub enum ExportFormat {
     Tensortree,
     /// Reflection of the face as a measured material of the RGL, for Mitsuba, pbrt and others (.bsdf).
     Rgl,
+    /// OpenPBR as MaterialX (.mtlx), with textures over the repeat beside it.
+    Openpbr,
+    /// A swatch as glTF (.glb).
+    Gltf,
+    /// A swatch as USD (.usda), with MaterialX beside it.
+    Usd,
 }
 
 impl From<ExportFormat> for Format {
@@ -26,6 +32,9 @@ impl From<ExportFormat> for Format {
             ExportFormat::Klems => Format::Klems,
             ExportFormat::Tensortree => Format::TensorTree,
             ExportFormat::Rgl => Format::Rgl,
+            ExportFormat::Openpbr => Format::OpenPbr,
+            ExportFormat::Gltf => Format::Gltf,
+            ExportFormat::Usd => Format::Usd,
         }
     }
 }
@@ -48,12 +57,13 @@ pub struct ExportArgs {
     /// at 0.38 um, and no UPF].
     #[arg(long, value_name = "SIGMA", allow_negative_numbers = true)]
     pub sigma_uv: Option<f64>,
-    /// Absorption coefficient of all yarns above 0.78 um [1/um], for solar numbers [default: that at 0.78 um].
+    /// Absorption coefficient of all yarns above 0.78 um [1/um], for solar numbers [default: that at 0.78
+    /// um].
     #[arg(long, value_name = "SIGMA", allow_negative_numbers = true)]
     pub sigma_ir: Option<f64>,
     /// Directions of the light in a report, TILT or TILT:AZIMUTH [degrees]: the tilt from the face's normal,
-    /// above 90 to the back, and the azimuth from x, the weft, towards y, the warp [default: 0 to 75 by 15, at
-    /// 0, 45 and 90, both sides].
+    /// above 90 to the back, and the azimuth from x, the weft, towards y, the warp [default: 0 to 75 by 15,
+    /// at 0, 45 and 90, both sides].
     #[arg(long, value_name = "T:A", num_args = 1, value_delimiter = ',', allow_negative_numbers = true, value_parser = view)]
     pub views: Vec<[f64; 2]>,
     /// Samples of each direction of a report [default: 16384].
@@ -65,4 +75,13 @@ pub struct ExportArgs {
     /// Squares along an edge of the hemisphere of a tensor tree: 8, 16 or 32 [default: 16].
     #[arg(long, value_name = "N")]
     pub squares: Option<usize>,
+    /// Spectra instead of linear sRGB, in an RGL file: for spectral renderers.
+    #[arg(long)]
+    pub spectral: bool,
+    /// Pixels of textures along the longer side of the repeat, 16 to 4096 [default: 256].
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(16..=4096))]
+    pub pixels: Option<u32>,
+    /// Length of cloth per unit of a surface's texture coordinates in MaterialX [mm] [default: 100].
+    #[arg(long, value_name = "MM", allow_negative_numbers = true)]
+    pub cloth_mm: Option<f64>,
 }

@@ -89,6 +89,9 @@ fn options(args: &ExportArgs, format: Format) -> Outcome<ExportOptions> {
     only("--views", !args.views.is_empty(), &[Format::Report])?;
     only("--samples", args.samples.is_some(), &[Format::Report])?;
     only("--squares", args.squares.is_some(), &[Format::TensorTree])?;
+    only("--spectral", args.spectral, &[Format::Rgl])?;
+    only("--pixels", args.pixels.is_some(), &[Format::OpenPbr, Format::Gltf, Format::Usd])?;
+    only("--cloth-mm", args.cloth_mm.is_some(), &[Format::OpenPbr])?;
     only("--sigma-uv", args.sigma_uv.is_some(), &solar)?;
     only("--sigma-ir", args.sigma_ir.is_some(), &solar)?;
     for (flag, value) in [("--sigma", args.sigma), ("--sigma-uv", args.sigma_uv), ("--sigma-ir", args.sigma_ir)] {
@@ -98,6 +101,9 @@ fn options(args: &ExportArgs, format: Format) -> Outcome<ExportOptions> {
     }
     if let Some(n) = args.squares.filter(|n| ![8, 16, 32].contains(n)) {
         return Err(Failure::input("command line", "--squares", n, "must be 8, 16 or 32"));
+    }
+    if let Some(mm) = args.cloth_mm.filter(|mm| !(1e-3..=1e6).contains(mm)) {
+        return Err(Failure::input("command line", "--cloth-mm", mm, "must be from 0.001 to 1000000"));
     }
     let usual = ExportOptions::default();
     let view = |[tilt, azimuth]: &[f64; 2]| View {
@@ -112,5 +118,8 @@ fn options(args: &ExportArgs, format: Format) -> Outcome<ExportOptions> {
         seed: args.seed,
         views: args.views.iter().map(view).collect(),
         squares: args.squares.unwrap_or(usual.squares),
+        is_spectral: args.spectral,
+        pixels: args.pixels.map_or(usual.pixels, |n| n as usize),
+        mm_per_uv: args.cloth_mm.unwrap_or(usual.mm_per_uv),
     })
 }

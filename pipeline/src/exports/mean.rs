@@ -1,8 +1,8 @@
 //! The mean of a cloth over its cell, as one who stands far away measures it: reflected, transmitted and
 //! straight light of a direction, and f between two directions.
 //!
-//! The cloth is shaded by rays ([`ClothOptions::RAYS`]): what passes beside all fibers goes straight on and is
-//! a number of its own. Diffraction would spread it by a degree, less than any of the formats resolves.
+//! The cloth is shaded by rays ([`ClothOptions::RAYS`]): what passes beside all fibers goes straight on and
+//! is a number of its own. Diffraction would spread it by a degree, less than any of the formats resolves.
 //! Energies are means over places, by Owen-scrambled Sobol numbers whose batches give standard errors. f is
 //! the file's mean over the cell where it has one, else a mean over places; both are the same cloth, to the
 //! table's error.

@@ -1,9 +1,9 @@
 //! The report of a cloth: what a lab measures of it, with standard errors.
 //!
-//! R and T are directional-hemispherical, T with the straight light in it; by Helmholtz they are also those of
-//! even light that a detector sees from that direction, as an integrating sphere has it. The five numbers of
-//! EN 14501 are of light along the normal: solar T, R and A, visible T, and the visible transmittance into a
-//! cone of five degrees about straight on.
+//! R and T are directional-hemispherical, T with the straight light in it; by Helmholtz they are also those
+//! of even light that a detector sees from that direction, as an integrating sphere has it. The five numbers
+//! of EN 14501 are of light along the normal: solar T, R and A, visible T, and the visible transmittance into
+//! a cone of five degrees about straight on.
 
 use super::mean::{BATCHES, Bands, Energies, Estimate, MeanCloth, Spectrum, diffuse};
 use super::window_xml::escaped;
@@ -212,7 +212,9 @@ impl Report {
         }
         for (title, head, rows) in self.tables() {
             let _ = writeln!(out, "\n## {title}\n\n| {} |\n|{}", head.join(" | "), "---|".repeat(head.len()));
-            rows.iter().for_each(|row| drop(writeln!(out, "| {} |", row.join(" | "))));
+            for row in rows {
+                let _ = writeln!(out, "| {} |", row.join(" | "));
+            }
         }
         out
     }
@@ -235,7 +237,9 @@ impl Report {
                 cells.iter().map(|c| format!("<{tag}>{}</{tag}>", escaped(c))).collect()
             };
             let _ = writeln!(out, "<h2>{title}</h2>\n<table>\n<tr>{}</tr>", cells("th", &head));
-            rows.iter().for_each(|row| drop(writeln!(out, "<tr>{}</tr>", cells("td", row))));
+            for row in &rows {
+                let _ = writeln!(out, "<tr>{}</tr>", cells("td", row));
+            }
             out.push_str("</table>\n");
         }
         out.push_str("</body>\n</html>\n");
@@ -290,8 +294,8 @@ impl Report {
     }
 }
 
-/// 1 over the transmittance in the ultraviolet, whose absorption is one number, so that the weights of sun and
-/// skin cancel.
+/// 1 over the transmittance in the ultraviolet, whose absorption is one number, so that the weights of sun
+/// and skin cancel.
 fn protection(batches: &[Energies]) -> Estimate {
     let through = |e: &Energies| e.straight + e.transmitted.ends[0];
     let mean = Estimate::of(&batches.iter().map(through).collect::<Vec<_>>());

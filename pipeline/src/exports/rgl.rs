@@ -1,12 +1,13 @@
 //! The reflection of a cloth's face in the format of Dupuy and Jakob, "An Adaptive Parameterization for
 //! Efficient Material Acquisition and Rendering" (ACM TOG 37(6), 2018).
 //!
-//! A reader finds, for light from omega_i, the half vector m of a direction, `u = (sqrt(2 theta_m / pi), (phi_m
-//! + pi) / 2 pi)`, and the number of the unit square whose warp by `vndf` gives u; it returns the spectrum there
-//! times `ndf(u) / (4 sigma)`, which is the BSDF times the cosine. Here vndf is even, so that the warp is the
-//! identity, ndf is 1 and sigma a quarter: spectra hold f itself at half vectors. A cylinder's light keeps to
-//! half vectors at right angles to it whatever omega_i is, so that it stays in place between the nodes of
-//! omega_i. `luminance` is what samples are drawn by: f times `|d omega / du|`.
+//! A reader finds, for light from omega_i, the half vector m of a direction, `u = (sqrt(2 theta_m / pi),
+//! (phi_m + pi) / 2 pi)`, and the number of the unit square whose warp by `vndf` gives u; it returns the
+//! spectrum there times `ndf(u) / (4 sigma)`, which is the BSDF times the cosine. Here vndf is even, so that
+//! the warp is the identity, ndf is 1 and sigma a quarter: spectra hold f itself at half vectors. A
+//! cylinder's light keeps to half vectors at right angles to it whatever omega_i is, so that it stays in
+//! place between the nodes of omega_i. `luminance` is what samples are drawn by: f times `|d omega / du|`.
+//! Readers take files with colors, for renderers of RGB, and files with spectra apart, for spectral ones.
 
 use super::mean::{Bands, MeanCloth, NODES, Spectrum, lambda_um};
 use super::tensor_file::{Field, bytes};
@@ -22,7 +23,7 @@ pub struct RglSize {
     pub phi_i: usize,
     /// Nodes of theta_i.
     pub theta_i: usize,
-    /// Nodes of a half vector's theta and phi.
+    /// Nodes of a half vector's theta and phi; readers want as many of both.
     pub half: [usize; 2],
 }
 
@@ -48,7 +49,7 @@ struct View {
 ///
 /// # Errors
 /// [`Error::Interrupted`] when stopped.
-pub fn rgl(cloth: &MeanCloth, name: &str, size: RglSize, run: &Run<'_>) -> Result<Rgl, Error> {
+pub fn rgl(cloth: &MeanCloth, name: &str, size: RglSize, is_spectral: bool, run: &Run<'_>) -> Result<Rgl, Error> {
     let [columns, rows] = size.half;
     let theta_i: Vec<f64> = (0..size.theta_i).map(|k| LAST_THETA * k as f64 / (size.theta_i - 1) as f64).collect();
     let phi_i: Vec<f64> = (0..size.phi_i).map(|k| -PI + TAU * k as f64 / (size.phi_i - 1) as f64).collect();
@@ -101,9 +102,8 @@ pub fn rgl(cloth: &MeanCloth, name: &str, size: RglSize, run: &Run<'_>) -> Resul
     };
     let channels = (NODES - 1) / NODE_STEP + 1;
     let single = |v: &[f64]| v.iter().map(|v| *v as f32).collect::<Vec<f32>>();
-    let wavelengths: Vec<f32> = (0..channels).map(|k| (1e3 * lambda_um(NODE_STEP * k)) as f32).collect();
     let (p, t) = (size.phi_i, size.theta_i);
-    let fields = [
+    let mut fields = vec![
         Field::bytes("description", name.as_bytes()),
         Field::bytes("jacobian", vec![1u8]),
         Field::f32("phi_i", &[p], single(&phi_i)),
@@ -112,10 +112,15 @@ pub fn rgl(cloth: &MeanCloth, name: &str, size: RglSize, run: &Run<'_>) -> Resul
         Field::f32("sigma", &[2, 2], vec![0.25; 4]),
         Field::f32("vndf", &[p, t, 2, 2], vec![1.0; 4 * p * t]),
         Field::f32("luminance", &[p, t, rows, columns], planes(1, &|view, _, at| view.luminance[at])),
-        Field::f32("rgb", &[p, t, 3, rows, columns], planes(3, &|view, c, at| view.rgb[at][c])),
-        Field::f32("wavelengths", &[channels], wavelengths),
-        Field::f32("spectra", &[p, t, channels, rows, columns], planes(channels, &|view, c, at| view.spectra[at][c])),
     ];
+    if is_spectral {
+        let wavelengths: Vec<f32> = (0..channels).map(|k| (1e3 * lambda_um(NODE_STEP * k)) as f32).collect();
+        let spectra = planes(channels, &|view, c, at| view.spectra[at][c]);
+        fields.push(Field::f32("wavelengths", &[channels], wavelengths));
+        fields.push(Field::f32("spectra", &[p, t, channels, rows, columns], spectra));
+    } else {
+        fields.push(Field::f32("rgb", &[p, t, 3, rows, columns], planes(3, &|view, c, at| view.rgb[at][c])));
+    }
     Ok(Rgl { bytes: bytes(&fields) })
 }
 

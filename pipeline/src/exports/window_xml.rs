@@ -2,8 +2,8 @@
 //!
 //! Schema 1.7 of `WindowElement`. The front is the cloth's face. A block's values are the BSDF [1/sr]; in a
 //! matrix, columns are incident light and rows outgoing. A tensor tree has the coordinates of incident light
-//! first and those of outgoing light after them, the first fastest, and squares whose values are within a
-//! tolerance are one.
+//! first and those of outgoing light after them; in the number of a branch the first is the lowest bit, among
+//! values in one pair of braces the last is the fastest. Cubes whose values are within a tolerance are one.
 
 use super::basis::{Basis, KLEMS_RINGS};
 use super::matrix::{BAND_NAMES, Matrix};
@@ -139,7 +139,10 @@ fn tree(out: &mut String, values: &[f64], side: usize, first: [usize; 4], size: 
         let _ = writeln!(out, "{{ {:.5e} }}", sum / size.pow(4) as f64);
     } else if size == 2 {
         out.push('{');
-        (0..16).for_each(|k| drop(write!(out, " {:.5e}", at(corner(k, 1)))));
+        for k in 0..16 {
+            // Within one pair of braces, the last coordinate is the fastest.
+            let _ = write!(out, " {:.5e}", at(corner((k as u8).reverse_bits() as usize >> 4, 1)));
+        }
         out.push_str(" }\n");
     } else {
         out.push_str("{\n");
