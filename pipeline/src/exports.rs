@@ -305,7 +305,7 @@ pub fn export(
                 note,
                 match options.is_spectral {
                     true => "Spectra, for spectral renderers: nine wavelengths from 380 to 780 nm.".into(),
-                    false => "Linear sRGB under D65, cut to its gamut, for renderers of RGB.".into(),
+                    false => "Linear sRGB under D65, for renderers of RGB; colors out of its gamut are paler, at their luminance.".into(),
                 },
             ];
             Ok(Exported { files: vec![(name.into(), rgl.bytes)], notes, facts })

@@ -95,7 +95,7 @@ impl Maps {
         };
         let longest = size_um[0].max(size_um[1]);
         let size = size_um.map(|s| ((pixels as f64 * s / longest).round() as usize).max(4));
-        let lights = [true, false].map(|is_up| lights(is_up));
+        let lights = [true, false].map(lights);
         let texel = |at: usize| texel(cloth, size, size_um, at, &lights);
         let texels: Vec<Texel> = (0..size[0] * size[1]).into_par_iter().map(texel).collect();
         let points = (0..POINTS).filter_map(|k| {

@@ -426,6 +426,14 @@ impl Bands {
         color::linear_srgb_of_xyz(self.xyz(s))
     }
 
+    /// Linear sRGB under D65; a color out of its gamut is made paler at its luminance.
+    pub fn rgb_in_gamut(&self, s: &Spectrum) -> [f64; 3] {
+        let (rgb, y) = (self.rgb(s), self.visible(s).max(0.0));
+        let least = rgb.iter().copied().fold(f64::INFINITY, f64::min);
+        let keep = if least < 0.0 { y / (y - least) } else { 1.0 };
+        rgb.map(|v| (y + keep * (v - y)).max(0.0))
+    }
+
     /// CIELAB under D65, observer of 1964.
     pub fn lab_10(&self, s: &Spectrum) -> [f64; 3] {
         color::lab_of_xyz_10([0, 1, 2].map(|k| dot(&self.xyz_10[k], s)))
@@ -463,6 +471,12 @@ mod tests {
         (0..NODES).for_each(|node| ramp.visible[node] = 2.0 * lambda_um(node) - 0.7);
         let want = color::xyz_of_reflectance(|l| 2.0 * l - 0.7);
         assert!(bands.xyz(&ramp).iter().zip(want).all(|(a, b)| (a - b).abs() < 1e-12));
+        // A narrow green is beyond sRGB: its luminance stays.
+        let mut green = Spectrum::ZERO;
+        green.visible[14] = 1.0;
+        let (rgb, y) = (bands.rgb_in_gamut(&green), bands.visible(&green));
+        assert!(bands.rgb(&green)[0] < 0.0 && rgb.iter().all(|v| *v >= 0.0), "{rgb:?}");
+        assert!((color::xyz_of_linear_srgb(rgb)[1] / y - 1.0).abs() < 1e-9);
         assert!((ramp.at(0.555) - 0.41).abs() < 1e-12 && ramp.at(0.3) == 0.0 && ramp.at(0.9) == 0.0);
         assert_eq!(SOLAR.iter().map(|(_, share)| share).sum::<u32>(), 10_000);
     }

@@ -253,11 +253,10 @@ impl Report {
         )
     }
 
-    /// Tables of the page: title, head, rows.
-    fn tables(&self) -> Vec<(&'static str, Vec<String>, Vec<Vec<String>>)> {
+    fn tables(&self) -> Vec<PageTable> {
         let [face, back] = &self.normal;
         let strings = |of: &[&str]| of.iter().map(|s| (*s).to_string()).collect::<Vec<_>>();
-        let five: [(&str, fn(&Row) -> Estimate); 5] = [
+        let five: [(&str, Quantity); 5] = [
             ("solar transmittance", |r| r.solar_transmitted),
             ("solar reflectance", |r| r.solar_reflected),
             ("solar absorptance", |r| r.solar_absorbed),
@@ -293,6 +292,11 @@ impl Report {
         ]
     }
 }
+
+/// Title, head and rows of a table of the page.
+type PageTable = (&'static str, Vec<String>, Vec<Vec<String>>);
+/// A number of a row.
+type Quantity = fn(&Row) -> Estimate;
 
 /// 1 over the transmittance in the ultraviolet, whose absorption is one number, so that the weights of sun
 /// and skin cancel.

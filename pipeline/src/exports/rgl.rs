@@ -83,7 +83,7 @@ pub fn rgl(cloth: &MeanCloth, name: &str, size: RglSize, is_spectral: bool, run:
             luminance: vec![0.0; count],
         };
         for ((at, f), jacobian) in at.into_iter().zip(&f).zip(jacobian) {
-            view.rgb[at] = bands.rgb(f).map(|v| v.max(0.0) as f32);
+            view.rgb[at] = bands.rgb_in_gamut(f).map(|v| v as f32);
             view.spectra[at] = std::array::from_fn(|k| f.visible[NODE_STEP * k] as f32);
             view.luminance[at] = (bands.visible(f) * jacobian).max(0.0) as f32;
         }

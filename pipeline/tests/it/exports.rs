@@ -34,6 +34,7 @@ fn exported(format: Format, name: &str, options: &ExportOptions) -> Exported {
 }
 
 #[test]
+#[ignore = "slow: 10 s: energy of all patches"]
 fn clear_cloths_lose_nothing_and_are_reciprocal() {
     let matrix = coarse(&cloth(Some(0.0)), Basis::Klems);
     let mut worst = 0.0f64;
@@ -57,6 +58,7 @@ fn clear_cloths_lose_nothing_and_are_reciprocal() {
 
 /// The table of the mean beside samples at points, which share no code but the cloth.
 #[test]
+#[ignore = "slow: 10 s: a matrix beside samples"]
 fn matrices_have_the_energy_of_samples() {
     let cloth = cloth(None);
     let (matrix, bands) = (coarse(&cloth, Basis::Klems), Bands::new());
@@ -86,6 +88,7 @@ fn child<'a>(node: roxmltree::Node<'a, 'a>, name: &str) -> roxmltree::Node<'a, '
 }
 
 #[test]
+#[ignore = "slow: 10 s: a whole file of Klems"]
 fn klems_files_are_read_again() {
     let out = exported(Format::Klems, "o.xml", &ExportOptions::default());
     let document = roxmltree::Document::parse(text(&out)).unwrap();
@@ -289,6 +292,7 @@ fn reports_have_standard_errors_and_say_what_they_assume() {
 }
 
 #[test]
+#[ignore = "slow: 20 s: two fits"]
 fn materials_are_whole_and_near_the_cloth() {
     let options = ExportOptions { pixels: 32, ..ExportOptions::default() };
     let out = exported(Format::Usd, "o.usda", &options);
