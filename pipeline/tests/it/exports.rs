@@ -1,7 +1,8 @@
 //! Exports of a cloth, read again: energy, reciprocity, headers and counts.
 //!
-//! 1. Clear fibers lose nothing: R + T of every patch is 1. 2. A matrix has, patch by patch, the R and T that
-//! samples of the cloth have. 3. Files parsed again have their counts, and sums that are those of the matrix.
+//! 1. Clear fibers lose nothing: R + T of every patch is 1.
+//! 2. A matrix has, patch by patch, the R and T that samples of the cloth have.
+//! 3. Files parsed again have their counts, and sums that are those of the matrix.
 //! 4. What a format cannot hold is told with its energy; bad options are refused.
 
 use plywave::cloth::ClothData;
@@ -223,7 +224,10 @@ fn rgl_files_are_read_again() {
             let offset = number::<8>(bytes, &mut at) as usize;
             let shape: Vec<usize> = (0..axes).map(|_| number::<8>(bytes, &mut at) as usize).collect();
             let size = if kind == 10 { 4 } else { 1 };
-            assert!(offset % 8 == 0 && offset + size * shape.iter().product::<usize>() <= bytes.len(), "{name}");
+            assert!(
+                offset.is_multiple_of(8) && offset + size * shape.iter().product::<usize>() <= bytes.len(),
+                "{name}"
+            );
             fields.insert(name, (offset, shape));
         }
         let (rgb, spectra) = (fields.contains_key("rgb"), fields.contains_key("spectra"));
