@@ -18,7 +18,7 @@ pub use absorption::{AlbedoCurve, Clamped, SigmaSpectrum};
 pub use difference::delta_e_2000;
 pub use upsample::SmoothReflectance;
 
-use tables::{D65, X_BAR, Y_BAR, Z_BAR};
+use tables::{D65, X_BAR, X10_BAR, Y_BAR, Y10_BAR, Z_BAR, Z10_BAR};
 
 /// Number of nodes of a spectrum.
 pub const SPECTRUM_NODES: usize = 81;
@@ -53,12 +53,18 @@ pub fn color_matching(lambda_um: f64) -> [f64; 3] {
 
 /// XYZ of a spectrum of light; Y = 1 for a spectrum that is 1 at every wavelength.
 pub fn xyz_of_light(light: impl Fn(f64) -> f64) -> [f64; 3] {
-    sums(|i| light(spectrum_lambda_um(i)), |_| 1.0)
+    sums(OBSERVER_2_DEG, |i| light(spectrum_lambda_um(i)), |_| 1.0)
 }
 
 /// XYZ of a reflectance under D65; Y = 1 for a reflectance that is 1 at every wavelength.
 pub fn xyz_of_reflectance(reflectance: impl Fn(f64) -> f64) -> [f64; 3] {
-    sums(|i| reflectance(spectrum_lambda_um(i)), |i| D65[i])
+    sums(OBSERVER_2_DEG, |i| reflectance(spectrum_lambda_um(i)), |i| D65[i])
+}
+
+/// XYZ of a reflectance under D65 for the standard observer of 1964 (10 degrees), as textile labs have it;
+/// Y = 1 for a reflectance that is 1 at every wavelength.
+pub fn xyz_10_of_reflectance(reflectance: impl Fn(f64) -> f64) -> [f64; 3] {
+    sums([&X10_BAR, &Y10_BAR, &Z10_BAR], |i| reflectance(spectrum_lambda_um(i)), |i| D65[i])
 }
 
 /// X, Y and Z per um of wavelength of a white surface under D65, at a wavelength [um]; the integral of Y is
@@ -70,12 +76,16 @@ pub fn d65_xyz_density(lambda_um: f64) -> [f64; 3] {
     color_matching(lambda_um).map(|bar| bar * light / (0.005 * white))
 }
 
-fn sums(value: impl Fn(usize) -> f64, light: impl Fn(usize) -> f64) -> [f64; 3] {
+/// Color matching functions of an observer.
+type Observer = [&'static [f64; SPECTRUM_NODES]; 3];
+const OBSERVER_2_DEG: Observer = [&X_BAR, &Y_BAR, &Z_BAR];
+
+fn sums(bars: Observer, value: impl Fn(usize) -> f64, light: impl Fn(usize) -> f64) -> [f64; 3] {
     let (mut xyz, mut white) = ([0.0; 3], 0.0);
     for i in 0..SPECTRUM_NODES {
         let (v, light) = (value(i), light(i));
-        white += light * Y_BAR[i];
-        for (sum, bar) in xyz.iter_mut().zip([&X_BAR, &Y_BAR, &Z_BAR]) {
+        white += light * bars[1][i];
+        for (sum, bar) in xyz.iter_mut().zip(bars) {
             *sum += v * light * bar[i];
         }
     }
@@ -156,7 +166,15 @@ pub fn srgb_decode(encoded: f64) -> f64 {
 
 /// CIELAB (1976) from XYZ with D65 as its white.
 pub fn lab_of_xyz(xyz: [f64; 3]) -> [f64; 3] {
-    let white = white_d65();
+    lab_under(xyz, white_d65())
+}
+
+/// CIELAB (1976) from XYZ of the observer of 1964, with its D65 as the white.
+pub fn lab_of_xyz_10(xyz: [f64; 3]) -> [f64; 3] {
+    lab_under(xyz, xyz_10_of_reflectance(|_| 1.0))
+}
+
+fn lab_under(xyz: [f64; 3], white: [f64; 3]) -> [f64; 3] {
     let f: [f64; 3] = std::array::from_fn(|i| lab_root(xyz[i] / white[i]).0);
     [116.0 * f[1] - 16.0, 500.0 * (f[0] - f[1]), 200.0 * (f[1] - f[2])]
 }
@@ -198,6 +216,12 @@ mod tests {
         }
         assert_eq!(color_matching(0.555)[1], 1.0);
         assert_eq!(color_matching(0.36), [0.0; 3]);
+        for bar in [&X10_BAR, &Y10_BAR, &Z10_BAR] {
+            let integral = 5.0 * bar.iter().sum::<f64>();
+            assert!((integral - 116.66).abs() < 0.02, "{integral}");
+        }
+        let d65_10 = chromaticity(xyz_10_of_reflectance(|_| 1.0));
+        assert!((d65_10[0] - 0.313_82).abs() < 2e-5 && (d65_10[1] - 0.331_00).abs() < 2e-5, "{d65_10:?}");
         let e = chromaticity(xyz_of_light(|_| 1.0));
         assert!((e[0] - 1.0 / 3.0).abs() < 1e-5 && (e[1] - 1.0 / 3.0).abs() < 1e-5, "{e:?}");
         let d65 = chromaticity(white_d65());

@@ -1,6 +1,7 @@
 //! The command line. Angles are in degrees here and nowhere else; offsets are relative to the ply radius.
 
 mod build;
+mod export;
 mod family;
 mod farm;
 mod model;
@@ -11,6 +12,7 @@ mod twin;
 mod wave;
 
 pub use build::*;
+pub use export::*;
 pub use family::*;
 pub use farm::*;
 pub use model::*;
@@ -112,6 +114,9 @@ pub enum Command {
     Compare(CompareArgs),
     /// Render a cloth in a ready-made scene: cloth (.pwc) or cloth spec (TOML) in, PNG and EXR out.
     Render(RenderArgs),
+    /// Write a cloth for other programs: cloth (.pwc) or cloth spec (TOML) in; a report, a BSDF file or a
+    /// material out.
+    Export(ExportArgs),
     /// Print completions for a shell: bash, elvish, fish, powershell or zsh.
     Completions(CompletionsArgs),
     /// Print the manual page, or write the pages of all commands into a folder.

@@ -104,8 +104,8 @@ impl Kind {
             (Kind::Model, Kind::Cloth) => "write a cloth spec that names it, as fabrics/cloths/jersey.toml",
             (Kind::Yarn, Kind::Cloth) => "build its model and write a cloth spec that names it",
             (Kind::Cloth, Kind::Twin) => "`plywave twin SPEC` makes one of it",
-            (Kind::Cloth, _) => "`plywave weave`, `plywave plot`, `plywave render` and `plywave twin` take it",
-            (Kind::ClothFile, _) => "`plywave render`, `plywave plot` and `plywave info` take it",
+            (Kind::Cloth, _) => "`plywave weave`, `plot`, `render`, `export` and `twin` take it",
+            (Kind::ClothFile, _) => "`plywave render`, `plot`, `export` and `info` take it",
             (Kind::Yarn, _) => "`plywave build` takes it",
             (Kind::Model, _) => "`plywave info` tells what it holds",
             (Kind::Table, _) => "`plywave fit` takes it",
@@ -301,6 +301,7 @@ pub fn check_inputs(command: &Command) -> Outcome {
             maybe(&args.mesh, &[Mesh])?;
             maybe(&args.sky, &[Picture])
         }
+        Command::Export(args) => one(&args.cloth, &[Cloth, ClothFile]),
         Command::Merge(args) => args.parts.iter().try_for_each(|part| one(part, &[Part])),
         Command::Noise(args) => {
             one(&args.patterns, &[Speckle])?;

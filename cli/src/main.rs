@@ -36,6 +36,7 @@ fn main() -> ExitCode {
         Command::Diff(args) => commands::diff::run(&cli, args),
         Command::Plot(args) => commands::plot::run(&cli, args),
         Command::Compare(args) => commands::compare::run(&cli, args),
+        Command::Export(args) => commands::export::run(&cli, args),
         Command::Render(args) => commands::render::run(&cli, args),
         Command::Merge(args) => commands::merge::run(&cli, args),
         Command::Noise(args) => commands::noise::run(&cli, args),

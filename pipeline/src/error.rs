@@ -35,6 +35,14 @@ pub enum Error {
     /// Invalid spec, table, model or file. The message names it.
     #[error(transparent)]
     Runtime(#[from] plywave::Error),
+    /// An export that cannot be made.
+    #[error("{file}: {what}")]
+    Export {
+        /// The file.
+        file: String,
+        /// Why.
+        what: String,
+    },
     /// An override of a key that the spec does not have.
     #[error("{file}: {key} = (absent): a recipe changes keys that are there; add the key to the spec")]
     NoSuchKey {

@@ -9,6 +9,7 @@
 //! ```
 //!
 //! A [`ClothRecipe`] makes the cloth of a cloth spec, or finds it among those that were made.
+//! [`exports`] writes a cloth for other programs.
 //!
 //! ```no_run
 //! use plywave_pipeline::{Quality, Recipe, Run, build};
@@ -23,6 +24,7 @@
 mod build;
 mod cloth;
 mod error;
+pub mod exports;
 mod family;
 mod recipe;
 mod run;

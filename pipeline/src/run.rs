@@ -23,6 +23,8 @@ pub enum Stage {
     Curves,
     /// A further step of making a cloth, by its name: 0 of 1 is done.
     Cloth(&'static str),
+    /// Directions of an export.
+    Export,
 }
 
 impl Stage {
@@ -37,6 +39,7 @@ impl Stage {
             Stage::Speckle => "speckle",
             Stage::Curves => "curves",
             Stage::Cloth(step) => step,
+            Stage::Export => "export",
         }
     }
 
@@ -49,6 +52,7 @@ impl Stage {
             Stage::Speckle => "fibers",
             Stage::Curves => "steps",
             Stage::Cloth(_) => "parts",
+            Stage::Export => "directions",
         }
     }
 
@@ -95,6 +99,7 @@ impl Run<'_> {
         }
     }
 
+    /// Whether to go on: [`Error::Interrupted`] once the flag is set.
     pub(crate) fn check_stop(&self) -> Result<(), Error> {
         match self.stop {
             Some(stop) if stop.load(Ordering::Relaxed) => Err(Error::Interrupted { left: 0, total: 0 }),

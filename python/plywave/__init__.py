@@ -10,7 +10,7 @@ Angles are in radians, lengths in um, absorption in 1/um, densities in 1/sr. `Mo
 """
 
 from ._plywave import RGB_LAMBDA_UM, Error, __version__
-from ._results import ABSORBED, SCATTERED, STRAIGHT, Layer, Outcomes, Place, Samples, Slit, Terms
+from ._results import ABSORBED, SCATTERED, STRAIGHT, Exported, Layer, Outcomes, Place, Samples, Slit, Terms
 from ._threads import get_threads, set_threads
 from ._files import Document, Speckle, Table, Twin
 from ._model import Model

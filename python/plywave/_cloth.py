@@ -13,7 +13,7 @@ from ._files import Document, PathLike
 from ._model import Model
 from ._plywave import Error
 from ._progress import Progress, Told
-from ._results import Outcomes, Samples, Slit
+from ._results import Exported, Outcomes, Samples, Slit
 from ._spec import Spec, text_of
 from ._threads import get_threads
 from ._work import run_args
@@ -298,6 +298,60 @@ class Cloth(Document):
         """Whether the point lies in a gap `[...]`, bool: the line from the viewer hits no ply."""
         q, _, (gap,) = self._ask("is_gap", (1,), position_um, wo, None, None, turn_rad, 0.0)
         return np.asarray(q.rows(gap) > 0.5)
+
+    def export(
+        self,
+        path: PathLike,
+        to: str,
+        *,
+        sigma_uv_per_um: Optional[float] = None,
+        sigma_ir_per_um: Optional[float] = None,
+        samples: int = 16384,
+        seed: int = 1,
+        views: Optional[List[Tuple[float, float, bool]]] = None,
+        squares: int = 16,
+        spectral: bool = False,
+        pixels: int = 256,
+        mm_per_uv: float = 100.0,
+        progress: Progress = None,
+    ) -> Exported:
+        """Writes it for other programs (docs/howto/export.md); of its options, `sigma_per_um` counts.
+
+        Args:
+            path: The file to write; textures go into a folder beside it.
+            to: "report" (.md, .html, .json, .csv), "klems" or "tensortree" (.xml), "rgl" (.bsdf), "openpbr" (.mtlx), "gltf" (.glb), "usd" (.usda).
+            sigma_uv_per_um: Absorption of all yarns below 0.38 um [1/um], for solar numbers and the UPF; by default that at 0.38 um, and no UPF.
+            sigma_ir_per_um: Absorption of all yarns above 0.78 um [1/um], for solar numbers; by default that at 0.78 um.
+            samples: Samples of each direction of a report.
+            seed: Seed of these.
+            views: Directions of a report: tilt from the normal [rad], azimuth [rad], whether to the face; by default 32 of them.
+            squares: Squares along an edge of the hemisphere of a tensor tree: 8, 16 or 32.
+            spectral: Spectra instead of linear sRGB in an RGL file, for spectral renderers.
+            pixels: Pixels of textures along the longer side of the repeat.
+            mm_per_uv: Length of cloth per unit of a surface's texture coordinates in MaterialX [mm].
+            progress: `True` for a bar, or a function of step, unit, done and total.
+
+        Raises:
+            Error: for options out of range, another ending, or a cloth with colors other than those of its file.
+            KeyboardInterrupt: when stopped.
+        """
+        if self.__dict__.get("_colors") is not None:
+            raise Error(f"{self._name}: exported with the colors of its spec, not those of with_colors; change the spec, or give sigma_per_um")
+        args = {
+            "sigma_per_um": self._options["sigma_per_um"],
+            "sigma_uv_per_um": None if sigma_uv_per_um is None else float(sigma_uv_per_um),
+            "sigma_ir_per_um": None if sigma_ir_per_um is None else float(sigma_ir_per_um),
+            "samples": int(samples),
+            "seed": int(seed),
+            "views": [(float(tilt), float(azimuth), bool(face)) for tilt, azimuth, face in views or []],
+            "squares": int(squares),
+            "spectral": bool(spectral),
+            "pixels": int(pixels),
+            "mm_per_uv": float(mm_per_uv),
+        }
+        with Told(progress) as call:
+            files, notes, facts = self._rust.export(self._name, os.fspath(path), str(to), args, run_args(None, True, call))
+        return Exported([os.fspath(file) for file in files], list(notes), dict(facts))
 
     def __reduce__(self) -> Any:
         return _restored, (self.to_bytes(), self._name, self._options, self.__dict__.get("_colors"))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import Any, Dict, List, NamedTuple
 
 import numpy as np
 
@@ -50,6 +50,17 @@ class Layer(NamedTuple):
     reflected_diffuse: np.ndarray
     """The same of diffuse light."""
     transmitted_diffuse: np.ndarray
+
+
+class Exported(NamedTuple):
+    """What `Cloth.export` wrote."""
+
+    files: List[str]
+    """Paths, the main file first."""
+    notes: List[str]
+    """What is assumed and what the format leaves out, one line each."""
+    facts: Dict[str, float]
+    """Numbers by name."""
 
 
 class Slit(NamedTuple):

@@ -3,6 +3,7 @@
 use crate::batch::{Floats, Out, Rows};
 use crate::cloth_queries::{ClothArrays, ask};
 use crate::errors::{Failure, Outcome};
+use crate::export::{ExportArgs, Written, written};
 use crate::watch::watched;
 use crate::work::{RunArgs, SpecArgs};
 use numpy::IntoPyArray;
@@ -222,6 +223,19 @@ impl Cloth {
     fn model_of(&self, kind: usize) -> Outcome<crate::model::Model> {
         let model = self.cloth.model_of(kind).ok_or_else(|| Failure::Input(format!("there is no kind {kind}")))?;
         Ok(crate::model::Model::from_model(model.clone()))
+    }
+
+    /// Writes it for other programs; `name` stands for it in messages.
+    fn export(
+        &self,
+        py: Python<'_>,
+        name: &str,
+        path: PathBuf,
+        format: &str,
+        args: ExportArgs,
+        run: RunArgs,
+    ) -> Outcome<Written> {
+        written(py, &self.bytes, name, path, format, args, run)
     }
 
     /// Answers `what` of the queries.

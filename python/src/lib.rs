@@ -7,6 +7,7 @@ mod cloth;
 mod cloth_queries;
 mod compare;
 mod errors;
+mod export;
 mod family;
 mod fiber;
 mod files;

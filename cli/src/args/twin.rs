@@ -51,7 +51,7 @@ fn pair(text: &str, between: char, fallback: impl Fn(f64) -> Option<f64>) -> Opt
     }
 }
 
-fn view(text: &str) -> Result<[f64; 2], String> {
+pub fn view(text: &str) -> Result<[f64; 2], String> {
     pair(text, ':', |_| Some(0.0))
         .filter(|[tilt, azimuth]| (0.0..=180.0).contains(tilt) && (tilt - 90.0).abs() >= 0.1 && azimuth.abs() <= 360.0)
         .ok_or(

@@ -13,6 +13,7 @@ pub mod diff_models;
 pub mod diff_tables;
 pub mod diffraction_view;
 pub mod eval;
+pub mod export;
 pub mod family;
 pub mod farm;
 pub mod fiber_view;

@@ -250,3 +250,21 @@ fn links_out_of_a_spec_s_folder_are_refused() {
         refused(dir, command, &["cotton.pwm", "leads out of the folder"]);
     }
 }
+
+#[test]
+fn exports_are_refused_before_the_cloth_is_made() {
+    let folder = folder();
+    let dir = folder.path();
+    let cloth = concat!(env!("CARGO_MANIFEST_DIR"), "/../fabrics/cloths/organza.toml");
+    refused(dir, &["export", "tiny.toml", "--to", "klems"], &["tiny.toml", "a yarn spec", "a cloth spec"]);
+    refused(dir, &["export", cloth, "--to", "fbx"], &["fbx", "klems"]);
+    refused(dir, &["export", cloth, "--to", "klems", "-o", "a.bsdf"], &["a.bsdf", "-o", ".bsdf", ".xml"]);
+    refused(dir, &["export", cloth, "--to", "rgl", "-o", "a"], &["no ending", ".bsdf"]);
+    refused(dir, &["export", cloth, "--to", "usd", "-o", "none/a.usda"], &["none/a.usda", "make it first"]);
+    refused(dir, &["export", cloth, "--to", "klems", "--views", "30"], &["--views", "report", "leave it out"]);
+    refused(dir, &["export", cloth, "--to", "report", "--spectral"], &["--spectral", "rgl"]);
+    refused(dir, &["export", cloth, "--to", "report", "--sigma", "-1"], &["--sigma", "-1", "1/um"]);
+    refused(dir, &["export", cloth, "--to", "tensortree", "--squares", "12"], &["--squares", "12", "8, 16 or 32"]);
+    refused(dir, &["export", cloth, "--to", "openpbr", "--cloth-mm", "0"], &["--cloth-mm", "0.001"]);
+    assert_eq!(crate::common::names(dir), ["tiny.toml"]);
+}

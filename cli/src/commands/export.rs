@@ -1,0 +1,125 @@
+//! `plywave export`: a cloth for other programs.
+
+use super::{cloth_file, color, on_threads, runs};
+use crate::args::{Cli, ExportArgs};
+use crate::failure::{Failure, Outcome};
+use crate::kinds::{self, Kind};
+use crate::progress::{self, Bar, STOP};
+use crate::{output, report};
+use plywave::cloth::{ClothModel, ClothOptions};
+use plywave_pipeline::exports::{BeyondVisible, ExportOptions, Format, View, export};
+use plywave_pipeline::{Progress, ReadyCloth, Run};
+use std::path::Path;
+
+/// Runs the command.
+pub fn run(cli: &Cli, args: &ExportArgs) -> Outcome {
+    let format = Format::from(args.to);
+    let options = options(args, format)?;
+    let path = args.output.clone().unwrap_or_else(|| output::default_output(&args.cloth, format.endings()[0]));
+    check_ending(format, &path)?;
+    let is_spec = kinds::kind_of(&args.cloth) == Some(Kind::Cloth);
+    let named = if is_spec { cloth_file::recipe(&args.cloth)?.inputs() } else { Vec::new() };
+    let inputs: Vec<&Path> =
+        std::iter::once(args.cloth.as_path()).chain(named.iter().map(|(_, p)| p.as_path())).collect();
+    output::check_writable(&path, &inputs)?;
+    let ReadyCloth { data, mut notes, .. } = cloth_file::ready(cli, &args.cloth)?;
+    if args.sigma.is_none() {
+        notes.extend(color::cloth_notes(&ClothModel::from_data(data.clone(), &ClothOptions::RAYS)?));
+    }
+    progress::install_stop();
+    let bar = Bar::new("export", "directions", cli.quiet);
+    let tell = |Progress { done, total, .. }: Progress| bar.update("export", done, total);
+    let name = path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
+    let run = Run { progress: Some(&tell), stop: Some(&STOP), ..Run::plain() };
+    let exported = on_threads(cli, || export(&data, format, &name, &options, &run))?.map_err(runs::pipeline_failure)?;
+    let time = bar.finish();
+    let written = progress::stoppable(|| exported.save(&path)).map_err(runs::pipeline_failure)?;
+    notes.extend(exported.notes.iter().cloned());
+    let sizes: Vec<u64> = written.iter().map(|p| std::fs::metadata(p).map_or(0, |m| m.len())).collect();
+    if cli.json {
+        let facts: serde_json::Map<String, serde_json::Value> =
+            exported.facts.iter().map(|(name, value)| ((*name).to_string(), (*value).into())).collect();
+        let files: Vec<serde_json::Value> = written
+            .iter()
+            .zip(&sizes)
+            .map(|(path, bytes)| serde_json::json!({ "file": path.display().to_string(), "bytes": bytes }))
+            .collect();
+        return output::print_json(&serde_json::json!({
+            "cloth": data.name, "format": format.name(), "files": files, "facts": facts,
+            "seconds": time.as_secs_f64(), "notes": notes,
+        }));
+    }
+    if cli.quiet {
+        return Ok(());
+    }
+    output::print(|out| {
+        for (path, bytes) in written.iter().zip(&sizes) {
+            writeln!(out, "{}: {}", path.display(), report::bytes(*bytes))?;
+        }
+        writeln!(out, "  time         {}", report::duration(time))?;
+        for (name, value) in &exported.facts {
+            writeln!(out, "  {:<44} {value:.4}", name.replace('_', " "))?;
+        }
+        notes.iter().try_for_each(|note| writeln!(out, "  note         {note}"))
+    })
+}
+
+/// Refuses a file whose ending is not one of the format's, before any work.
+fn check_ending(format: Format, path: &Path) -> Outcome {
+    let ending = path.extension().map(|e| e.to_string_lossy().to_ascii_lowercase()).unwrap_or_default();
+    if format.endings().contains(&ending.as_str()) {
+        return Ok(());
+    }
+    let endings: Vec<String> = format.endings().iter().map(|e| format!(".{e}")).collect();
+    let value = if ending.is_empty() { "no ending".into() } else { format!(".{ending}") };
+    Err(Failure::input(path.display(), "-o", value, &format!("name a file {}", endings.join(", "))))
+}
+
+/// The options of the flags; refuses flags that the format has no use for.
+fn options(args: &ExportArgs, format: Format) -> Outcome<ExportOptions> {
+    let only = |flag: &str, is_given: bool, formats: &[Format]| match is_given && !formats.contains(&format) {
+        true => {
+            let names: Vec<&str> = formats.iter().map(|f| f.name()).collect();
+            let hint = format!("is for --to {}; leave it out", names.join(", "));
+            Err(Failure::input("command line", flag, "(given)", &hint))
+        }
+        false => Ok(()),
+    };
+    let solar = [Format::Report, Format::Klems, Format::TensorTree];
+    only("--views", !args.views.is_empty(), &[Format::Report])?;
+    only("--samples", args.samples.is_some(), &[Format::Report])?;
+    only("--squares", args.squares.is_some(), &[Format::TensorTree])?;
+    only("--spectral", args.spectral, &[Format::Rgl])?;
+    only("--pixels", args.pixels.is_some(), &[Format::OpenPbr, Format::Gltf, Format::Usd])?;
+    only("--cloth-mm", args.cloth_mm.is_some(), &[Format::OpenPbr])?;
+    only("--sigma-uv", args.sigma_uv.is_some(), &solar)?;
+    only("--sigma-ir", args.sigma_ir.is_some(), &solar)?;
+    for (flag, value) in [("--sigma", args.sigma), ("--sigma-uv", args.sigma_uv), ("--sigma-ir", args.sigma_ir)] {
+        if let Some(v) = value.filter(|v| !(0.0..=1e6).contains(v)) {
+            return Err(Failure::input("command line", flag, v, "must be from 0 to 1000000, in 1/um"));
+        }
+    }
+    if let Some(n) = args.squares.filter(|n| ![8, 16, 32].contains(n)) {
+        return Err(Failure::input("command line", "--squares", n, "must be 8, 16 or 32"));
+    }
+    if let Some(mm) = args.cloth_mm.filter(|mm| !(1e-3..=1e6).contains(mm)) {
+        return Err(Failure::input("command line", "--cloth-mm", mm, "must be from 0.001 to 1000000"));
+    }
+    let usual = ExportOptions::default();
+    let view = |[tilt, azimuth]: &[f64; 2]| View {
+        tilt_rad: if *tilt > 90.0 { 180.0 - tilt } else { *tilt }.to_radians(),
+        azimuth_rad: azimuth.to_radians(),
+        is_face: *tilt < 90.0,
+    };
+    Ok(ExportOptions {
+        sigma_per_um: args.sigma,
+        beyond: BeyondVisible { uv_per_um: args.sigma_uv, ir_per_um: args.sigma_ir },
+        samples: args.samples.map_or(usual.samples, |n| n as usize),
+        seed: args.seed,
+        views: args.views.iter().map(view).collect(),
+        squares: args.squares.unwrap_or(usual.squares),
+        is_spectral: args.spectral,
+        pixels: args.pixels.map_or(usual.pixels, |n| n as usize),
+        mm_per_uv: args.cloth_mm.unwrap_or(usual.mm_per_uv),
+    })
+}

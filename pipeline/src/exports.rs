@@ -1,0 +1,421 @@
+//! A cloth for other programs: reports, BSDF files, materials.
+//!
+//! [`export`] makes the files of a [`Format`] in memory; [`Exported::save`] writes them. All of them are of
+//! the same mean over the cell ([`MeanCloth`]), or of maps of the same cloth over its repeat.
+
+mod basis;
+mod gltf;
+mod maps;
+mod material;
+mod matrix;
+mod mean;
+mod openpbr;
+mod report;
+mod rgl;
+mod tensor_file;
+mod textures;
+mod usd;
+mod window_xml;
+
+pub use basis::{Basis, KLEMS_RINGS, incident, outgoing};
+pub use maps::{Maps, Point, Texel, rectangle};
+pub use material::{Fit, Gloss, Material};
+pub use matrix::{BAND_NAMES, BANDS, Block, Matrix, Steps};
+pub use mean::{Bands, BeyondVisible, CONE_RAD, Energies, Estimate, MeanCloth, NODES, Spectrum, lambda_um};
+pub use report::{Report, Row, View};
+
+use crate::error::Error;
+use crate::run::{Progress, Run, Stage};
+use plywave::cloth::ClothData;
+use std::path::{Path, PathBuf};
+
+/// Formats.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Format {
+    /// Numbers with standard errors: JSON, CSV, Markdown or HTML by the ending of the file.
+    Report,
+    /// LBNL WINDOW and Radiance: matrix between the patches of Klems.
+    Klems,
+    /// Radiance: tensor tree.
+    TensorTree,
+    /// The RGL's tensor file of measured materials: reflection of the face.
+    Rgl,
+    /// OpenPBR as MaterialX, with textures.
+    OpenPbr,
+    /// A swatch as GLB.
+    Gltf,
+    /// A swatch as USD, with MaterialX and a preview surface.
+    Usd,
+}
+
+impl Format {
+    /// All.
+    pub const ALL: [Format; 7] =
+        [Format::Report, Format::Klems, Format::TensorTree, Format::Rgl, Format::OpenPbr, Format::Gltf, Format::Usd];
+
+    /// As the command line has it.
+    pub fn name(self) -> &'static str {
+        match self {
+            Format::Report => "report",
+            Format::Klems => "klems",
+            Format::TensorTree => "tensortree",
+            Format::Rgl => "rgl",
+            Format::OpenPbr => "openpbr",
+            Format::Gltf => "gltf",
+            Format::Usd => "usd",
+        }
+    }
+
+    /// The format of a name.
+    pub fn named(name: &str) -> Option<Format> {
+        Format::ALL.into_iter().find(|format| format.name() == name)
+    }
+
+    /// Endings of its file, the usual one first.
+    pub fn endings(self) -> &'static [&'static str] {
+        match self {
+            Format::Report => &["md", "html", "json", "csv"],
+            Format::Klems | Format::TensorTree => &["xml"],
+            Format::Rgl => &["bsdf"],
+            Format::OpenPbr => &["mtlx"],
+            Format::Gltf => &["glb"],
+            Format::Usd => &["usda"],
+        }
+    }
+}
+
+/// How a cloth is exported.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ExportOptions {
+    /// One absorption [1/um] at every wavelength for all yarns, in place of their colors.
+    pub sigma_per_um: Option<f64>,
+    /// Absorptions beyond the visible.
+    pub beyond: BeyondVisible,
+    /// Samples of each row of a report.
+    pub samples: usize,
+    /// Seed of these.
+    pub seed: u32,
+    /// Views of a report; none for the usual ones.
+    pub views: Vec<View>,
+    /// Squares along an edge of the hemisphere of a tensor tree, a power of two.
+    pub squares: usize,
+    /// Whether an RGL file has spectra instead of linear sRGB.
+    pub is_spectral: bool,
+    /// Pixels of textures along the longer side of the repeat.
+    pub pixels: usize,
+    /// Length of cloth to a unit of a surface's texture coordinates [mm], of MaterialX.
+    pub mm_per_uv: f64,
+}
+
+impl Default for ExportOptions {
+    fn default() -> Self {
+        ExportOptions {
+            sigma_per_um: None,
+            beyond: BeyondVisible::default(),
+            samples: 1 << 14,
+            seed: 1,
+            views: Vec::new(),
+            squares: 16,
+            is_spectral: false,
+            pixels: 256,
+            mm_per_uv: 100.0,
+        }
+    }
+}
+
+/// The files of an export.
+#[derive(Clone, Debug)]
+pub struct Exported {
+    /// The main file, then those that it names: names relative to its folder, and bytes.
+    pub files: Vec<(String, Vec<u8>)>,
+    /// What a user should know, one a line: what is assumed, what the format leaves out.
+    pub notes: Vec<String>,
+    /// Numbers, by name.
+    pub facts: Vec<(&'static str, f64)>,
+}
+
+impl Exported {
+    /// Writes the files, each whole or not at all, the main one last.
+    ///
+    /// # Errors
+    /// [`plywave::Error::Io`].
+    pub fn save(&self, path: &Path) -> Result<Vec<PathBuf>, Error> {
+        let folder = path.parent().unwrap_or(Path::new(""));
+        let mut written = Vec::new();
+        for (i, (name, bytes)) in self.files.iter().enumerate().rev() {
+            let at = if i == 0 { path.to_path_buf() } else { folder.join(name) };
+            if let Some(parent) = at.parent().filter(|p| !p.as_os_str().is_empty() && !p.is_dir()) {
+                let io = |source| plywave::Error::Io { file: parent.display().to_string(), source };
+                std::fs::create_dir_all(parent).map_err(io)?;
+            }
+            plywave::io::write_file_with(&at, |out| out.write_all(bytes))?;
+            written.push(at);
+        }
+        written.reverse();
+        Ok(written)
+    }
+}
+
+/// What is assumed beyond the visible.
+fn beyond_note(beyond: BeyondVisible) -> Vec<String> {
+    let bands = Bands::new();
+    let [uv, ir] = bands.solar_ends.map(|share| format!("{:.1} %", 100.0 * share));
+    let end = |given: Option<f64>, end: &str| match given {
+        Some(sigma) => format!("{sigma} per um"),
+        None => format!("that at {end} um"),
+    };
+    vec![format!(
+        "Solar: below 0.38 um ({uv} of the sun's energy) the absorption is assumed to be {}, above 0.78 um ({ir}) {}.",
+        end(beyond.uv_per_um, "0.38"),
+        end(beyond.ir_per_um, "0.78")
+    )]
+}
+
+/// Refuses options out of range.
+fn check(options: &ExportOptions, format: Format) -> Result<(), Error> {
+    let refuse = |key: &str, value: String, hint: &str| {
+        let (file, key) = ("export".into(), key.into());
+        Err(Error::Runtime(plywave::Error::Invalid { file, key, value, hint: hint.into() }))
+    };
+    for (key, sigma) in [
+        ("sigma_per_um", options.sigma_per_um),
+        ("sigma_uv_per_um", options.beyond.uv_per_um),
+        ("sigma_ir_per_um", options.beyond.ir_per_um),
+    ] {
+        if let Some(sigma) = sigma.filter(|s| !(0.0..=1e6).contains(s)) {
+            return refuse(key, sigma.to_string(), "must be 0 to 1e6, in 1/um");
+        }
+    }
+    if !(BATCHES_MIN..=1 << 20).contains(&options.samples) {
+        return refuse("samples", options.samples.to_string(), "must be 256 to 1048576");
+    }
+    if format == Format::TensorTree && ![8, 16, 32].contains(&options.squares) {
+        return refuse("squares", options.squares.to_string(), "must be 8, 16 or 32");
+    }
+    if !(16..=4096).contains(&options.pixels) {
+        return refuse("pixels", options.pixels.to_string(), "must be 16 to 4096");
+    }
+    if !(1e-3..=1e6).contains(&options.mm_per_uv) {
+        return refuse("mm_per_uv", options.mm_per_uv.to_string(), "must be 0.001 to 1000000, in mm");
+    }
+    for view in &options.views {
+        if !(0.0..1.57).contains(&view.tilt_rad) || !view.azimuth_rad.is_finite() {
+            let value = format!("{:.3} rad", view.tilt_rad);
+            return refuse("views", value, "tilts must be from 0 to less than a right angle");
+        }
+    }
+    Ok(())
+}
+
+/// Fewest samples of a row.
+const BATCHES_MIN: usize = 256;
+/// Directions a side of a patch.
+const KLEMS_STEPS: Steps = Steps { incident: 3, outgoing: 3 };
+const TREE_STEPS: Steps = Steps { incident: 2, outgoing: 2 };
+/// Difference of values that a tensor tree leaves out, over the larger one.
+const TREE_TOLERANCE: f64 = 0.02;
+/// Nodes of the RGL's file.
+const RGL_SIZE: rgl::RglSize = rgl::RglSize { phi_i: 17, theta_i: 12, half: [64, 64] };
+
+/// The files of a cloth in a format; `name` is that of the main file.
+///
+/// # Errors
+/// [`Error::Runtime`] for options out of range and an ending that the format does not have,
+/// [`Error::Interrupted`] when stopped.
+pub fn export(
+    data: &ClothData,
+    format: Format,
+    name: &str,
+    options: &ExportOptions,
+    run: &Run<'_>,
+) -> Result<Exported, Error> {
+    check(options, format)?;
+    let ending = Path::new(name).extension().map(|e| e.to_string_lossy().to_ascii_lowercase()).unwrap_or_default();
+    if !format.endings().contains(&ending.as_str()) {
+        let endings: Vec<String> = format.endings().iter().map(|e| format!(".{e}")).collect();
+        return Err(Error::Runtime(plywave::Error::Invalid {
+            file: name.into(),
+            key: "ending".into(),
+            value: if ending.is_empty() { "(none)".into() } else { format!(".{ending}") },
+            hint: format!("name a {}", endings.join(", ")),
+        }));
+    }
+    let cloth = MeanCloth::new(data, options.sigma_per_um, options.beyond)?;
+    let tell = |done: u64, total: u64| run.tell(Progress { stage: Stage::Export, done, total });
+    match format {
+        Format::Report => {
+            let views = if options.views.is_empty() { View::usual() } else { options.views.clone() };
+            let total = views.len() + 4;
+            let mut each = |done: usize| {
+                tell(done as u64, total as u64);
+                run.check_stop()
+            };
+            let report = Report::new(&cloth, &data.name, &views, options.samples, options.seed, &mut each)?;
+            let text = match ending.as_str() {
+                "json" => report.json(),
+                "csv" => report.csv(),
+                "html" => report.html(),
+                _ => report.markdown(),
+            };
+            let [face, _] = &report.normal;
+            let facts = vec![
+                ("solar_transmittance", face.solar_transmitted.value),
+                ("solar_reflectance", face.solar_reflected.value),
+                ("solar_absorptance", face.solar_absorbed.value),
+                ("visible_normal_hemispherical_transmittance", face.transmitted.value),
+                ("visible_normal_normal_transmittance", face.into_cone.value),
+                ("openness", face.openness.value),
+            ];
+            Ok(Exported { files: vec![(name.into(), text.into_bytes())], notes: report.notes, facts })
+        }
+        Format::Klems | Format::TensorTree => {
+            tell(0, 1);
+            let (basis, steps) = match format {
+                Format::Klems => (Basis::Klems, KLEMS_STEPS),
+                _ => (Basis::Squares { side: options.squares }, TREE_STEPS),
+            };
+            let matrix = Matrix::new(&cloth, basis, steps, run)?;
+            let mut notes = vec![
+                "The front is the face of the cloth; its warp points up.".to_string(),
+                "Light that passes beside all fibers is in the patch that it goes on in.".to_string(),
+            ];
+            notes.extend(beyond_note(options.beyond));
+            let about = window_xml::About {
+                name: &data.name,
+                thickness_um: 2.0 * f64::from(cloth.points().lines().half_thickness_um()),
+                notes: &notes,
+            };
+            let text = window_xml::xml(&matrix, &about, TREE_TOLERANCE);
+            let facts = vec![
+                ("front_visible_reflectance", matrix.hemispherical(0, 0, 0)),
+                ("front_visible_transmittance", matrix.hemispherical(0, 1, 0)),
+                ("back_visible_reflectance", matrix.hemispherical(1, 0, 0)),
+                ("back_visible_transmittance", matrix.hemispherical(1, 1, 0)),
+                ("front_solar_reflectance", matrix.hemispherical(0, 0, 1)),
+                ("front_solar_transmittance", matrix.hemispherical(0, 1, 1)),
+                ("asymmetry", matrix.asymmetry()),
+            ];
+            Ok(Exported { files: vec![(name.into(), text.into_bytes())], notes, facts })
+        }
+        Format::Rgl => {
+            tell(0, 1);
+            let rgl = rgl::rgl(&cloth, &data.name, RGL_SIZE, options.is_spectral, run)?;
+            let (facts, note) = left_out(&cloth, options);
+            let notes = vec![
+                note,
+                match options.is_spectral {
+                    true => "Spectra, for spectral renderers: nine wavelengths from 380 to 780 nm.".into(),
+                    false => "Linear sRGB under D65, for renderers of RGB; colors out of its gamut are paler, at their luminance.".into(),
+                },
+            ];
+            Ok(Exported { files: vec![(name.into(), rgl.bytes)], notes, facts })
+        }
+        Format::OpenPbr | Format::Gltf | Format::Usd => {
+            tell(0, 1);
+            swatch(&cloth, data, format, name, options)
+        }
+    }
+}
+
+/// Size of a swatch, at least, of whole repeats [um].
+const SWATCH_UM: f64 = 1e4;
+
+/// A material and its textures, in the files of a format.
+fn swatch(
+    cloth: &MeanCloth,
+    data: &ClothData,
+    format: Format,
+    name: &str,
+    options: &ExportOptions,
+) -> Result<Exported, Error> {
+    let maps = Maps::new(cloth, name, options.pixels)?;
+    let material = Material::fit(cloth, &maps, name)?;
+    let textures = textures::Textures::new(&maps, &material);
+    let fit = &material.fit;
+    let percent = |v: f64| format!("{:.1} %", 100.0 * v);
+    let mut notes = vec![
+        format!(
+            "Fitted to the mean BSDF of the cloth: error {} of the reflected light and {} of the transmitted (relative L2 over directions).",
+            percent(fit.error[0]),
+            percent(fit.error[1])
+        ),
+        format!(
+            "Error by lobe, where it is the largest: glossy {}, fuzz {}, diffuse {}; they are {}, {} and {} of the reflected light.",
+            percent(fit.by_lobe[0]),
+            percent(fit.by_lobe[1]),
+            percent(fit.by_lobe[2]),
+            percent(fit.shares[0]),
+            percent(fit.shares[1]),
+            percent(fit.shares[2])
+        ),
+        format!(
+            "Opacity is the cover along the normal, {}; light through gaps goes straight on at every angle as it does there.",
+            percent(maps.cover())
+        ),
+    ];
+    if textures.cut > 1e-3 {
+        notes.push(format!(
+            "Colors above 1 are cut off in the textures: {} of the diffuse light.",
+            percent(textures.cut)
+        ));
+    }
+    let [warp, weft] = material.gloss;
+    let facts = vec![
+        ("error_reflected", fit.error[0]),
+        ("error_transmitted", fit.error[1]),
+        ("reflectance_of_the_cloth", fit.energy[0][0]),
+        ("reflectance_of_the_material", fit.energy[1][0]),
+        ("transmittance_of_the_cloth", fit.energy[0][1]),
+        ("transmittance_of_the_material", fit.energy[1][1]),
+        ("warp_roughness", warp.roughness),
+        ("warp_anisotropy", warp.anisotropy),
+        ("weft_roughness", weft.roughness),
+        ("weft_anisotropy", weft.anisotropy),
+        ("f0", warp.f0),
+        ("fuzz_weight", material.fuzz[0]),
+        ("fuzz_roughness", material.fuzz[1]),
+    ];
+    let repeats = maps.size_um.map(|um| (SWATCH_UM / um).ceil().clamp(1.0, 1e4) as u32);
+    let stem = Path::new(name).file_stem().map(|s| s.to_string_lossy().into_owned()).unwrap_or_default();
+    let mut files = Vec::new();
+    if format == Format::Gltf {
+        files.push((name.to_string(), gltf::glb(&data.name, &maps, &material, &textures, repeats, &notes)?));
+    } else {
+        let made = openpbr::TextureFiles::new(&stem, &maps, &material, &textures)?;
+        // On a swatch of USD, texture coordinates count repeats.
+        let mm_per_uv = if format == Format::Usd { None } else { Some(options.mm_per_uv) };
+        let text = openpbr::mtlx(&data.name, &maps, &material, &textures, &made, mm_per_uv, &notes);
+        if format == Format::Usd {
+            let mtlx = format!("{stem}.mtlx");
+            let usda = usd::usda(&data.name, &mtlx, &maps, &material, textures.mix, &made, repeats, &notes);
+            files.push((name.to_string(), usda.into_bytes()));
+            files.push((mtlx, text.into_bytes()));
+        } else {
+            files.push((name.to_string(), text.into_bytes()));
+        }
+        files.extend(made.files);
+    }
+    Ok(Exported { files, notes, facts })
+}
+
+/// Light under an even sky over the face that a format of reflection alone leaves out, as facts and in words.
+fn left_out(cloth: &MeanCloth, options: &ExportOptions) -> (Vec<(&'static str, f64)>, String) {
+    let bands = Bands::new();
+    let batches = cloth.energies(&|u| mean::diffuse(true, u), options.samples, options.seed);
+    let of = |number: &dyn Fn(&Energies) -> f64| batches.iter().map(number).sum::<f64>() / batches.len() as f64;
+    let reflected = of(&|e| bands.visible(&e.reflected));
+    let transmitted = of(&|e| bands.visible(&e.transmitted));
+    let straight = of(&|e| e.straight);
+    let facts = vec![
+        ("diffuse_visible_reflectance", reflected),
+        ("transmitted_left_out", transmitted),
+        ("straight_left_out", straight),
+    ];
+    let note = format!(
+        "The format has the reflection of one side: of light even over the face, {:.1} % is reflected and in it; {:.1} % scattered through and {:.1} % straight through are left out, and light that meets the back.",
+        100.0 * reflected,
+        100.0 * transmitted,
+        100.0 * straight
+    );
+    (facts, note)
+}

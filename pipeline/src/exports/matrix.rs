@@ -1,0 +1,139 @@
+//! The mean BSDF of a cloth between patches of the hemisphere.
+
+use super::basis::{Basis, incident, outgoing};
+use super::mean::{Bands, MeanCloth, Spectrum};
+use crate::error::Error;
+use crate::run::Run;
+use rayon::prelude::*;
+
+/// Bands of a matrix: visible and solar.
+pub const BANDS: usize = 2;
+/// Names that WINDOW has for them.
+pub const BAND_NAMES: [&str; BANDS] = ["Visible", "Solar"];
+/// Lines by which the straight light of a patch is found.
+const LINES: u32 = 2048;
+
+/// Light of one side that leaves on one side.
+#[derive(Clone, Debug)]
+pub struct Block {
+    /// `[band][outgoing][incident]`: BSDF [1/sr], mean over both patches; straight light is in it.
+    pub values: [Vec<f64>; BANDS],
+}
+
+/// The BSDF of a cloth between all patches.
+#[derive(Clone, Debug)]
+pub struct Matrix {
+    /// The patches.
+    pub basis: Basis,
+    /// `[face, back][reflected, transmitted]`.
+    pub blocks: [[Block; 2]; 2],
+    /// `[face, back][incident]`: straight light, which the transmitted block holds.
+    pub straight: [Vec<f64>; 2],
+}
+
+/// Directions a side of a patch over which the mean is.
+#[derive(Clone, Copy, Debug)]
+pub struct Steps {
+    /// Of incident light.
+    pub incident: usize,
+    /// Of outgoing light.
+    pub outgoing: usize,
+}
+
+/// Fractions of a patch, `side * side` of them, in the middles of equal parts.
+fn fractions(side: usize) -> impl Iterator<Item = [f64; 2]> + Clone {
+    let middle = move |k: usize| (k as f64 + 0.5) / side as f64;
+    (0..side * side).map(move |k| [middle(k % side), middle(k / side)])
+}
+
+impl Matrix {
+    /// Of a cloth.
+    ///
+    /// # Errors
+    /// [`Error::Interrupted`] when stopped.
+    pub fn new(cloth: &MeanCloth, basis: Basis, steps: Steps, run: &Run<'_>) -> Result<Matrix, Error> {
+        let bands = Bands::new();
+        let n = basis.len();
+        // Of both sides of the cloth, the face first.
+        let lights: Vec<[f64; 2]> =
+            (0..n).flat_map(|patch| fractions(steps.outgoing).map(move |u| basis.disk(patch, u))).collect();
+        let towards = [true, false].map(|up| lights.iter().map(|at| outgoing(*at, up)).collect::<Vec<_>>());
+        let per_patch = steps.outgoing * steps.outgoing;
+        let share = 1.0 / (steps.incident * steps.incident) as f64;
+        // Of one incident patch: `[reflected, transmitted][band][outgoing]`, straight light.
+        type Column = ([[Vec<f64>; BANDS]; 2], f64);
+        let column = |number: usize| -> Result<Column, Error> {
+            run.check_stop()?;
+            let (is_face, patch) = (number < n, number % n);
+            let mut sums = [[vec![0.0; n], vec![0.0; n]], [vec![0.0; n], vec![0.0; n]]];
+            let mut f = vec![Spectrum::ZERO; lights.len()];
+            for u in fractions(steps.incident) {
+                let wo = incident(basis.disk(patch, u), is_face);
+                for (half, sums) in sums.iter_mut().enumerate() {
+                    let side = if (half == 0) == is_face { 0 } else { 1 };
+                    cloth.f(wo, &towards[side], &mut f);
+                    for (k, f) in f.iter().enumerate() {
+                        // f holds the cosine at the light.
+                        let cos = f64::from(towards[side][k][2].abs());
+                        let weight = share / (per_patch as f64 * cos);
+                        sums[0][k / per_patch] += weight * bands.visible(f);
+                        sums[1][k / per_patch] += weight * bands.solar(f);
+                    }
+                }
+            }
+            let straight = cloth.straight(&|u| incident(basis.disk(patch, u), is_face), LINES, number as u32);
+            for sums in &mut sums[1] {
+                sums[patch] += straight / basis.projected_solid_angle(patch);
+            }
+            Ok((sums, straight))
+        };
+        let columns = (0..2 * n).into_par_iter().map(column).collect::<Result<Vec<_>, Error>>()?;
+        let block = |side: usize, half: usize| Block {
+            values: [0, 1].map(|band| {
+                let at = |o: usize, i: usize| columns[side * n + i].0[half][band][o];
+                (0..n * n).map(|k| at(k / n, k % n)).collect()
+            }),
+        };
+        Ok(Matrix {
+            basis,
+            blocks: [0, 1].map(|side| [block(side, 0), block(side, 1)]),
+            straight: [0, 1].map(|side| columns[side * n..(side + 1) * n].iter().map(|c| c.1).collect()),
+        })
+    }
+
+    /// Light of an incident patch that leaves in one half: sum over the outgoing ones of BSDF times projected
+    /// solid angle.
+    pub fn energy(&self, side: usize, half: usize, band: usize, patch: usize) -> f64 {
+        let n = self.basis.len();
+        let values = &self.blocks[side][half].values[band];
+        (0..n).map(|o| values[o * n + patch] * self.basis.projected_solid_angle(o)).sum()
+    }
+
+    /// Mean over incident light that is even over the hemisphere.
+    pub fn hemispherical(&self, side: usize, half: usize, band: usize) -> f64 {
+        let of = |i: usize| self.energy(side, half, band, i) * self.basis.projected_solid_angle(i);
+        (0..self.basis.len()).map(of).sum::<f64>() / std::f64::consts::PI
+    }
+
+    /// How far it is from reciprocity in the visible: root mean square, by projected solid angles, of the
+    /// difference between a value and that with the directions exchanged, over that of the values. Straight
+    /// light counts.
+    pub fn asymmetry(&self) -> f64 {
+        let n = self.basis.len();
+        let (mut off, mut all) = (0.0, 0.0);
+        let omega = |patch: usize| self.basis.projected_solid_angle(patch);
+        for (side, half) in [(0, 0), (1, 0), (0, 1)] {
+            let there = &self.blocks[side][half].values[0];
+            let back = &self.blocks[if half == 0 { side } else { 1 - side }][half].values[0];
+            for o in 0..n {
+                for i in 0..n {
+                    let (a, b) = (there[o * n + i], back[self.basis.opposite(i) * n + self.basis.opposite(o)]);
+                    let weight = omega(o) * omega(i);
+                    off += weight * (a - b) * (a - b);
+                    all += weight * 0.5 * (a * a + b * b);
+                }
+            }
+        }
+        if all > 0.0 { (off / all).sqrt() } else { 0.0 }
+    }
+}

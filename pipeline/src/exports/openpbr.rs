@@ -1,0 +1,140 @@
+//! OpenPBR 1.1 as MaterialX 1.39, with textures over the repeat.
+
+use super::maps::Maps;
+use super::material::Material;
+use super::textures::{Textures, by_kind, byte, packed, png_8, png_16, srgb};
+use super::window_xml::escaped;
+use crate::error::Error;
+use std::fmt::Write;
+
+/// Textures of a material: names relative to its folder, and bytes.
+pub struct TextureFiles {
+    /// The files.
+    pub files: Vec<(String, Vec<u8>)>,
+    /// Names of them, by what they hold.
+    pub names: [String; 7],
+}
+
+/// What the textures hold, in the order of their names.
+pub const TEXTURES: [&str; 7] =
+    ["base_color", "transmission_color", "roughness", "anisotropy", "tangent", "normal", "opacity"];
+
+/// A name that MaterialX and USD take: letters, digits and underscores.
+pub fn identifier(name: &str) -> String {
+    let mut out: String = name.chars().map(|c| if c.is_ascii_alphanumeric() { c } else { '_' }).collect();
+    if !out.starts_with(|c: char| c.is_ascii_alphabetic()) {
+        out.insert_str(0, "cloth_");
+    }
+    out
+}
+
+impl TextureFiles {
+    /// Of a material, in a folder named after the main file's stem.
+    ///
+    /// # Errors
+    /// [`Error::Export`] for a texture that cannot be encoded.
+    pub fn new(stem: &str, maps: &Maps, material: &Material, textures: &Textures) -> Result<TextureFiles, Error> {
+        let size = maps.size;
+        let colors = |of: &[[f32; 3]]| png_8(size, 3, &of.iter().flat_map(srgb).collect::<Vec<u8>>());
+        let by = |numbers: [f64; 2]| {
+            png_8(size, 1, &maps.texels.iter().map(|t| byte(by_kind(t, numbers))).collect::<Vec<u8>>())
+        };
+        let [warp, weft] = material.gloss;
+        let bytes = [
+            colors(&textures.base)?,
+            colors(&textures.transmission)?,
+            by([warp.roughness, weft.roughness])?,
+            by([warp.anisotropy, weft.anisotropy])?,
+            png_8(
+                size,
+                3,
+                &maps
+                    .texels
+                    .iter()
+                    .flat_map(|t| packed([t.across[0], t.across[1], 0.0]).map(|v| byte(f64::from(v))))
+                    .collect::<Vec<u8>>(),
+            )?,
+            png_16(size, 3, maps.texels.iter().flat_map(|t| packed(t.normal)))?,
+            png_8(size, 1, &maps.texels.iter().map(|t| byte(f64::from(t.cover))).collect::<Vec<u8>>())?,
+        ];
+        let names = TEXTURES.map(|what| format!("{stem}_maps/{what}.png"));
+        Ok(TextureFiles { files: names.iter().cloned().zip(bytes).collect(), names })
+    }
+}
+
+/// The document. A unit of the surface's texture coordinates is `mm_per_uv` of the cloth, or a repeat.
+pub fn mtlx(
+    name: &str,
+    maps: &Maps,
+    material: &Material,
+    textures: &Textures,
+    files: &TextureFiles,
+    mm_per_uv: Option<f64>,
+    notes: &[String],
+) -> String {
+    let id = identifier(name);
+    let tiling = maps.size_um.map(|um| mm_per_uv.map_or(1.0, |mm| 1e3 * mm / um));
+    let mut out = String::from("<?xml version=\"1.0\"?>\n<materialx version=\"1.39\" colorspace=\"lin_rec709\">\n");
+    for note in notes {
+        let _ = writeln!(out, "  <!-- {} -->", escaped(note).replace("--", "- -"));
+    }
+    let _ = writeln!(out, "  <nodegraph name=\"NG_{id}\">");
+    let _ = writeln!(
+        out,
+        "    <input name=\"uv_scale\" type=\"vector2\" value=\"{:.6}, {:.6}\" doc=\"Repeats of the cloth in a unit of the texture coordinates\" />",
+        tiling[0], tiling[1]
+    );
+    let kinds = ["color3", "color3", "float", "float", "vector3", "vector3", "float"];
+    for ((what, kind), file) in TEXTURES.into_iter().zip(kinds).zip(&files.names) {
+        let space = if kind == "color3" { " colorspace=\"srgb_texture\"" } else { "" };
+        let _ = write!(
+            out,
+            "    <tiledimage name=\"{what}_image\" type=\"{kind}\">\n      <input name=\"file\" type=\"filename\" value=\"{}\"{space} />\n      <input name=\"uvtiling\" type=\"vector2\" interfacename=\"uv_scale\" />\n    </tiledimage>\n",
+            escaped(file)
+        );
+        if kind == "vector3" {
+            let _ = write!(
+                out,
+                "    <normalmap name=\"{what}_map\" type=\"vector3\">\n      <input name=\"in\" type=\"vector3\" nodename=\"{what}_image\" />\n    </normalmap>\n"
+            );
+        }
+    }
+    for (what, kind) in TEXTURES.into_iter().zip(kinds) {
+        let node = if kind == "vector3" { format!("{what}_map") } else { format!("{what}_image") };
+        let _ = writeln!(out, "    <output name=\"{what}\" type=\"{kind}\" nodename=\"{node}\" />");
+    }
+    out.push_str("  </nodegraph>\n");
+    let _ = writeln!(out, "  <open_pbr_surface name=\"SR_{id}\" type=\"surfaceshader\">");
+    let mut input = |name: &str, kind: &str, from: Result<&str, String>| {
+        let _ = match from {
+            Ok(output) => {
+                writeln!(out, "    <input name=\"{name}\" type=\"{kind}\" nodegraph=\"NG_{id}\" output=\"{output}\" />")
+            }
+            Err(value) => writeln!(out, "    <input name=\"{name}\" type=\"{kind}\" value=\"{value}\" />"),
+        };
+    };
+    let number = |v: f64| Err(format!("{v:.6}"));
+    input("base_weight", "float", number(1.0));
+    input("base_color", "color3", Ok("base_color"));
+    input("specular_weight", "float", number(1.0));
+    input("specular_roughness", "float", Ok("roughness"));
+    input("specular_roughness_anisotropy", "float", Ok("anisotropy"));
+    input("specular_ior", "float", number(Material::index(material.gloss[0].f0)));
+    input("subsurface_weight", "float", number(textures.mix));
+    input("subsurface_color", "color3", Ok("transmission_color"));
+    // Thin-walled, all of it goes through.
+    input("subsurface_scatter_anisotropy", "float", number(1.0));
+    input("fuzz_weight", "float", number(material.fuzz[0]));
+    let [r, g, b] = material.fuzz_color;
+    input("fuzz_color", "color3", Err(format!("{r:.6}, {g:.6}, {b:.6}")));
+    input("fuzz_roughness", "float", number(material.fuzz[1]));
+    input("geometry_thin_walled", "boolean", Err("true".into()));
+    input("geometry_opacity", "float", Ok("opacity"));
+    input("geometry_normal", "vector3", Ok("normal"));
+    input("geometry_tangent", "vector3", Ok("tangent"));
+    let _ = write!(
+        out,
+        "  </open_pbr_surface>\n  <surfacematerial name=\"{id}\" type=\"material\">\n    <input name=\"surfaceshader\" type=\"surfaceshader\" nodename=\"SR_{id}\" />\n  </surfacematerial>\n</materialx>\n"
+    );
+    out
+}

@@ -1,0 +1,130 @@
+//! The reflection of a cloth's face in the format of Dupuy and Jakob, "An Adaptive Parameterization for
+//! Efficient Material Acquisition and Rendering" (ACM TOG 37(6), 2018).
+//!
+//! A reader finds, for light from omega_i, the half vector m of a direction, `u = (sqrt(2 theta_m / pi),
+//! (phi_m + pi) / 2 pi)`, and the number of the unit square whose warp by `vndf` gives u; it returns the
+//! spectrum there times `ndf(u) / (4 sigma)`, which is the BSDF times the cosine. Here vndf is even, so that
+//! the warp is the identity, ndf is 1 and sigma a quarter: spectra hold f itself at half vectors. A
+//! cylinder's light keeps to half vectors at right angles to it whatever omega_i is, so that it stays in
+//! place between the nodes of omega_i. `luminance` is what samples are drawn by: f times `|d omega / du|`.
+//! Readers take files with colors, for renderers of RGB, and files with spectra apart, for spectral ones.
+
+use super::mean::{Bands, MeanCloth, NODES, Spectrum, lambda_um};
+use super::tensor_file::{Field, bytes};
+use crate::error::Error;
+use crate::run::Run;
+use rayon::prelude::*;
+use std::f64::consts::{FRAC_PI_2, PI, TAU};
+
+/// Sizes of a file.
+#[derive(Clone, Copy, Debug)]
+pub struct RglSize {
+    /// Nodes of the azimuth of omega_i over a whole turn.
+    pub phi_i: usize,
+    /// Nodes of theta_i.
+    pub theta_i: usize,
+    /// Nodes of a half vector's theta and phi; readers want as many of both.
+    pub half: [usize; 2],
+}
+
+/// Largest theta_i [rad].
+const LAST_THETA: f64 = 86.0 * PI / 180.0;
+/// Every this many nodes of the spectrum is one of the file.
+const NODE_STEP: usize = 5;
+
+/// A file and how much light it has.
+pub struct Rgl {
+    /// The bytes.
+    pub bytes: Vec<u8>,
+}
+
+/// Light of one direction of omega_i.
+struct View {
+    rgb: Vec<[f32; 3]>,
+    spectra: Vec<[f32; (NODES - 1) / NODE_STEP + 1]>,
+    luminance: Vec<f32>,
+}
+
+/// Of a cloth.
+///
+/// # Errors
+/// [`Error::Interrupted`] when stopped.
+pub fn rgl(cloth: &MeanCloth, name: &str, size: RglSize, is_spectral: bool, run: &Run<'_>) -> Result<Rgl, Error> {
+    let [columns, rows] = size.half;
+    let theta_i: Vec<f64> = (0..size.theta_i).map(|k| LAST_THETA * k as f64 / (size.theta_i - 1) as f64).collect();
+    let phi_i: Vec<f64> = (0..size.phi_i).map(|k| -PI + TAU * k as f64 / (size.phi_i - 1) as f64).collect();
+    let bands = Bands::new();
+    // theta_m of a column and phi_m of a row.
+    let theta_m = |x: usize| FRAC_PI_2 * (x as f64 / (columns - 1) as f64).powi(2);
+    let phi_m = |y: usize| -PI + TAU * y as f64 / (rows - 1) as f64;
+    let view = |number: usize| -> Result<View, Error> {
+        run.check_stop()?;
+        let wi = direction(theta_i[number % size.theta_i], phi_i[number / size.theta_i]);
+        let (mut at, mut w, mut jacobian) = (Vec::new(), Vec::new(), Vec::new());
+        for y in 0..rows {
+            for x in 0..columns {
+                let m = direction(theta_m(x), phi_m(y));
+                let cos = (0..3).map(|k| wi[k] * m[k]).sum::<f64>();
+                let wo: [f64; 3] = std::array::from_fn(|k| 2.0 * cos * m[k] - wi[k]);
+                if cos > 0.0 && wo[2] > 1e-4 {
+                    at.push(y * columns + x);
+                    w.push(wo.map(|v| v as f32));
+                    let u = x as f64 / (columns - 1) as f64;
+                    jacobian.push((2.0 * PI * PI * u * theta_m(x).sin()).max(1e-6) * 4.0 * cos);
+                }
+            }
+        }
+        let mut f = vec![Spectrum::ZERO; w.len()];
+        cloth.f(wi.map(|v| v as f32), &w, &mut f);
+        let count = rows * columns;
+        let mut view = View {
+            rgb: vec![[0.0; 3]; count],
+            spectra: vec![[0.0; (NODES - 1) / NODE_STEP + 1]; count],
+            luminance: vec![0.0; count],
+        };
+        for ((at, f), jacobian) in at.into_iter().zip(&f).zip(jacobian) {
+            view.rgb[at] = bands.rgb_in_gamut(f).map(|v| v as f32);
+            view.spectra[at] = std::array::from_fn(|k| f.visible[NODE_STEP * k] as f32);
+            view.luminance[at] = (bands.visible(f) * jacobian).max(0.0) as f32;
+        }
+        Ok(view)
+    };
+    let views = (0..size.theta_i * size.phi_i).into_par_iter().map(view).collect::<Result<Vec<_>, Error>>()?;
+    // Channels before the square.
+    let planes = |channels: usize, of: &dyn Fn(&View, usize, usize) -> f32| -> Vec<f32> {
+        let each = |view: &View| -> Vec<f32> {
+            (0..channels)
+                .flat_map(|c| (0..rows * columns).map(move |at| (c, at)))
+                .map(|(c, at)| of(view, c, at))
+                .collect()
+        };
+        views.iter().flat_map(each).collect()
+    };
+    let channels = (NODES - 1) / NODE_STEP + 1;
+    let single = |v: &[f64]| v.iter().map(|v| *v as f32).collect::<Vec<f32>>();
+    let (p, t) = (size.phi_i, size.theta_i);
+    let mut fields = vec![
+        Field::bytes("description", name.as_bytes()),
+        Field::bytes("jacobian", vec![1u8]),
+        Field::f32("phi_i", &[p], single(&phi_i)),
+        Field::f32("theta_i", &[t], single(&theta_i)),
+        Field::f32("ndf", &[2, 2], vec![1.0; 4]),
+        Field::f32("sigma", &[2, 2], vec![0.25; 4]),
+        Field::f32("vndf", &[p, t, 2, 2], vec![1.0; 4 * p * t]),
+        Field::f32("luminance", &[p, t, rows, columns], planes(1, &|view, _, at| view.luminance[at])),
+    ];
+    if is_spectral {
+        let wavelengths: Vec<f32> = (0..channels).map(|k| (1e3 * lambda_um(NODE_STEP * k)) as f32).collect();
+        let spectra = planes(channels, &|view, c, at| view.spectra[at][c]);
+        fields.push(Field::f32("wavelengths", &[channels], wavelengths));
+        fields.push(Field::f32("spectra", &[p, t, channels, rows, columns], spectra));
+    } else {
+        fields.push(Field::f32("rgb", &[p, t, 3, rows, columns], planes(3, &|view, c, at| view.rgb[at][c])));
+    }
+    Ok(Rgl { bytes: bytes(&fields) })
+}
+
+fn direction(theta: f64, phi: f64) -> [f64; 3] {
+    let ((s, z), (sin, cos)) = (theta.sin_cos(), phi.sin_cos());
+    [s * cos, s * sin, z]
+}

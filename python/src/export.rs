@@ -1,0 +1,66 @@
+//! Cloths for other programs.
+
+use crate::errors::{Failure, Outcome};
+use crate::watch::watched;
+use crate::work::RunArgs;
+use plywave::cloth::ClothData;
+use plywave_pipeline::exports::{BeyondVisible, ExportOptions, Format, View, export};
+use pyo3::prelude::*;
+use std::path::PathBuf;
+
+/// How a cloth is exported.
+#[derive(FromPyObject)]
+#[pyo3(from_item_all)]
+pub(crate) struct ExportArgs {
+    sigma_per_um: Option<f64>,
+    sigma_uv_per_um: Option<f64>,
+    sigma_ir_per_um: Option<f64>,
+    samples: usize,
+    seed: u32,
+    views: Vec<(f64, f64, bool)>,
+    squares: usize,
+    spectral: bool,
+    pixels: usize,
+    mm_per_uv: f64,
+}
+
+/// Files, notes, and numbers by name.
+pub(crate) type Written = (Vec<PathBuf>, Vec<String>, Vec<(String, f64)>);
+
+/// Writes the cloth of these bytes in a format; `name` stands for it in messages.
+pub(crate) fn written(
+    py: Python<'_>,
+    bytes: &[u8],
+    name: &str,
+    path: PathBuf,
+    format: &str,
+    args: ExportArgs,
+    run: RunArgs,
+) -> Outcome<Written> {
+    let Some(chosen) = Format::named(format) else {
+        let names: Vec<String> = Format::ALL.iter().map(|f| format!("\"{}\"", f.name())).collect();
+        return Err(Failure::input("export", "to", format!("{format:?}"), &format!("use {}", names.join(", "))));
+    };
+    let view = |&(tilt_rad, azimuth_rad, is_face): &(f64, f64, bool)| View { tilt_rad, azimuth_rad, is_face };
+    let options = ExportOptions {
+        sigma_per_um: args.sigma_per_um,
+        beyond: BeyondVisible { uv_per_um: args.sigma_uv_per_um, ir_per_um: args.sigma_ir_per_um },
+        samples: args.samples,
+        seed: args.seed,
+        views: args.views.iter().map(view).collect(),
+        squares: args.squares,
+        is_spectral: args.spectral,
+        pixels: args.pixels,
+        mm_per_uv: args.mm_per_uv,
+    };
+    let file = path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
+    watched(py, run.threads, run.progress, |watch| {
+        watch.run([None, None], |run| {
+            let data = ClothData::from_bytes(bytes, name)?;
+            let exported = export(&data, chosen, &file, &options, run)?;
+            let files = exported.save(&path)?;
+            let facts = exported.facts.into_iter().map(|(name, value)| (name.to_string(), value)).collect();
+            Ok((files, exported.notes, facts))
+        })
+    })
+}
