@@ -25,7 +25,7 @@
 
 // Size of a prepared query in 64-bit words, without its tag: 9.5 KB with the tag, the size of the largest, a
 // cloth at four wavelengths.
-#define PLYWAVE_BSDF_WORDS 1216
+#define PLYWAVE_BSDF_WORDS 1296
 
 // Bytes of a message, including its final 0.
 #define PLYWAVE_MESSAGE_SIZE 496

@@ -32,6 +32,7 @@ __all__ = [
     "Cloth",
     "Document",
     "Error",
+    "Exported",
     "Family",
     "Fiber",
     "Layer",

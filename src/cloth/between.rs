@@ -56,8 +56,8 @@ pub struct Side {
     pub caught: Vec<splines::Several<SIGMAS>>,
     /// `[class][sent up, down][leaves up, down][pair]`: what leaves the cloth, per energy that is caught.
     pub leaves: Vec<Few>,
-    /// `[class][sent up, down][leaves up, down]`, by absorption of the class's kind: what of that only yarns of
-    /// that kind have scattered.
+    /// `[class][sent up, down][leaves up, down]`, by absorption of the class's kind: what of that
+    /// only yarns of that kind have scattered.
     pub parallel: Vec<[Few; SIGMAS]>,
     /// `[kind][leaves up, down]`: cones of that light.
     pub cones: [[Cone; 2]; 2],
@@ -366,7 +366,8 @@ impl<'a, const N: usize> BetweenAt<'a, N> {
         f
     }
 
-    /// Density of samples in direction `b` by the chances of the halves that it leaves in, up and down [1/sr].
+    /// Density of samples in direction `b` by the chances of the halves that it leaves in, up and
+    /// down [1/sr].
     #[inline]
     pub(crate) fn pdf(&self, chances: [f32; 2], b: [f32; 3]) -> f32 {
         let half = usize::from(!self.is_up(b));

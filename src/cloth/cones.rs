@@ -15,8 +15,8 @@
 //! N(a . e) = integral E(b) q((a + b) . e) cos b / N(b . e) db
 //! ```
 //!
-//! symmetric but for cos b and of energy E(a). (Sinkhorn's scaling gives N; q's integral is `v / (2 sqrt(s^2 +
-//! v^2))`, by which v is sampled.)
+//! symmetric but for cos b and of energy E(a). (Sinkhorn's scaling gives N; q's integral is `v / (2
+//! sqrt(s^2 + v^2))`, by which v is sampled.)
 
 use super::between::{Poly, TERMS, dot, terms};
 use crate::math::simd::{max, min};

@@ -47,8 +47,8 @@
 
 use super::ClothModel;
 use super::between::{CLASSES, CLASSES_A_KIND, FEW, PAIRS, SIGMAS, Side, TERMS};
-use super::file::{CONE_NUMBERS, cone_numbers};
 use super::far;
+use super::file::{CONE_NUMBERS, cone_numbers};
 use super::grid::Entry;
 use super::lines::LineTables;
 use super::plies::{ClothPlies, Runs};

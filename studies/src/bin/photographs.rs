@@ -2,22 +2,23 @@
 //!
 //! `cargo run --release -p plywave-studies --bin photographs -- CLOTH.pwc TURN_DEGREES SAMPLES [R.png T.png]`
 //!
-//! The geometry is that of Tang et al. 2024, "Woven Fabric Capture with a Reflection-Transmission Photo Pair":
-//! the cloth is a plane, a camera 80 mm above it sees 80 mm of it, a small lamp is 80 mm in front of it and as
-//! far up, or 90 mm behind it. The lens darkens its picture by cos^4, as a thin lens does. `TURN_DEGREES` turns the cloth, whose warp runs up the picture. `SAMPLES` are
-//! those of a pixel, each with a point of the lamp, of the light of a lamp alone: a cloth that hangs free.
+//! The geometry is that of Tang et al. 2024, "Woven Fabric Capture with a Reflection-Transmission Photo
+//! Pair": the cloth is a plane, a camera 80 mm above it sees 80 mm of it, a small lamp is 80 mm in front
+//! of it and as far up, or 90 mm behind it. The lens darkens its picture by cos^4, as a thin lens does.
+//! `TURN_DEGREES` turns the cloth, whose warp runs up the picture. `SAMPLES` are those of a pixel, each
+//! with a point of the lamp, of the light of a lamp alone: a cloth that hangs free.
 //!
 //! For each picture it prints, of the luminance over its mean,
 //!
-//! - contrast: the deviation of squares of 1, 2, 4 and 8 pixels over the mean of their 32 x 32 pixels, without
-//!   the noise of samples, as the root of the covariance of two pictures;
+//! - contrast: the deviation of squares of 1, 2, 4 and 8 pixels over the mean of their 32 x 32 pixels,
+//!   without the noise of samples, as the root of the covariance of two pictures;
 //! - profiles across and down: means of 16 blocks of the middle 64 rows and columns;
-//! - widths at half of the greatest value of the profiles of 64 rows and columns on both sides of those, where no
-//!   lamp shows, smoothed over 16 pixels, in mm;
+//! - widths at half of the greatest value of the profiles of 64 rows and columns on both sides of those,
+//!   where no lamp shows, smoothed over 16 pixels, in mm;
 //!
-//! and with photographs (8-bit sRGB, 512 x 512) theirs, and the correlation of profiles. In the environment,
-//! `PNG` names a folder for the cloth's pictures, `SRGB` (three numbers from 0 to 1 with commas) is a color of
-//! all yarns in place of the cloth's.
+//! and with photographs (8-bit sRGB, 512 x 512) theirs, and the correlation of profiles. In the
+//! environment, `PNG` names a folder for the cloth's pictures, `SRGB` (three numbers from 0 to 1 with
+//! commas) is a color of all yarns in place of the cloth's.
 
 use plywave::cloth::{ClothModel, ClothOptions, YarnColor};
 use plywave::{Bsdf, ClothQuery};
