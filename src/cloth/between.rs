@@ -33,6 +33,8 @@ use std::f32::consts::{PI, TAU};
 /// colors, denim's warp in red, lie between these.
 pub use super::far::{SIGMA_PER_UM, SIGMAS};
 const LENGTH_UM: f32 = 150.0;
+/// Share of light about cones whose samples are drawn so; the others are drawn by the cosine.
+const ABOUT_CONES: f32 = 0.7;
 /// Polynomials of the direction.
 pub const TERMS: usize = 16;
 /// Polynomials of what depends little on it.
@@ -335,7 +337,7 @@ impl<'a, const N: usize> BetweenAt<'a, N> {
                 let own: f32 = self.parallel[kind][half].iter().sum();
                 if own > 0.0 {
                     let [from, back] = [side, side ^ half].map(|side| &of.sides[side].cones[kind][half]);
-                    let share = own / self.energy[half].iter().sum::<f32>();
+                    let share = ABOUT_CONES * own / self.energy[half].iter().sum::<f32>();
                     self.cones[kind][half] = Some((ConeAt::new(axis, a, from, back), share));
                 }
             }

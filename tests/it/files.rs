@@ -97,7 +97,7 @@ fn foreign_and_hostile_files_are_refused() {
     says(&good[..good.len() - 1], "not a whole");
     says(&[&good[..], b"x"].concat(), "not a whole");
     says(&table(1).to_bytes().unwrap(), "expected \"plywave-ply\"");
-    says(&with_document(&good, |d| d["version"] = 3.into()), "update plywave");
+    says(&with_document(&good, |d| d["version"] = 4.into()), "update plywave");
     says(&with_document(&good, |d| d["version"] = 1.into()), "write it again");
     says(&with_document(&good, |d| d["seed"] = "x".into()), "expected u64");
     says(&with_document(&good, |d| d["reference_values"][0]["value"][0] = 1e39.into()), "reference_values");

@@ -15,7 +15,7 @@ fn kinds() -> Vec<(&'static str, &'static str, Vec<u8>)> {
     let text = |text: &str| text.as_bytes().to_vec();
     vec![
         ("k.pwt", "a table (.pwt)", container("plywave-table", 1)),
-        ("k.pwm", "a ply model (.pwm)", container("plywave-ply", 2)),
+        ("k.pwm", "a ply model (.pwm)", container("plywave-ply", 3)),
         ("k.pwf", "a fiber table (.pwf)", container("plywave-fiber", 1)),
         ("k.pws", "speckle patterns (.pws)", container("plywave-speckle", 1)),
         ("k.pwx", "the twin of a cloth (.pwx)", container("plywave-twin", 1)),

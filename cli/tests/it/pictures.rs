@@ -239,7 +239,7 @@ fn wrong_kinds_of_files_are_named() {
         (render("yarn.toml"), ["a yarn spec", "expected a cloth spec"]),
         (render("sky.exr"), ["a picture", "expected a cloth spec"]),
         (vec!["weave", "yarn.toml"], ["a yarn spec", "expected a cloth spec"]),
-        (vec!["info", "cloth.toml"], ["a cloth spec", "plywave render"]),
+        (vec!["info", "cloth.toml"], ["a cloth spec", "`render`"]),
         (eval("cloth.toml"), ["a cloth spec", "expected a ply model"]),
         (eval("yarn.toml"), ["a yarn spec", "plywave build"]),
         (vec!["check", "sheet.obj"], ["a mesh", "expected a ply model"]),

@@ -11,6 +11,8 @@ TAU = 2.0 * math.pi
 SIGMAS, LENGTH_UM, COUNT, SPLINE_COLUMNS, INTERVALS = 8, 150.0, 168, 24, 5
 # src/cloth/cones.rs: numbers of a cone (width, 16 terms, norms), nodes of the norm.
 CONE, NORMS, MIN_ENERGY = 50, 33, 1e-3
+# src/cloth/between.rs: share of light about cones whose samples are drawn so.
+ABOUT_CONES = 0.7
 
 
 # Nodes of absorption [1/um], and v = 1 / (1 + sigma L) there, the last one 0.
@@ -141,7 +143,7 @@ class Between:
             sine = clamp(a[self.axes[kind]], -1.0, 1.0)
             here, back = ((of * 4 + number) * CONE for of in (side, side ^ half))
             all_ = detach(kit.mean(energies[half]))
-            share = dr.select(all_ > 0.0, detach(kit.mean(own)) / dr.maximum(all_, 1e-30), 0.0)
+            share = dr.select(all_ > 0.0, ABOUT_CONES * detach(kit.mean(own)) / dr.maximum(all_, 1e-30), 0.0)
             cones.append((back, sine, self.cone_norm(here, sine), share))
         return cones
 

@@ -66,9 +66,10 @@ impl Found {
                 let t = terms(a);
                 if is_followed {
                     found.mean[side].seen(&t);
-                    found.parallel.seen(side, &t);
                 }
-                if let Some(gone) = paths.path(a, at, is_followed, &mut number) {
+                let gone = paths.path(a, at, is_followed, &mut number);
+                found.parallel.look(side, &t, gone.as_ref());
+                if let Some(gone) = gone {
                     found.add(side, a, &t, &gone);
                     if paths.plies.kinds == 2 {
                         found.parallel.add(side, (a, &t), paths.plies.axes(), &gone);

@@ -5,8 +5,11 @@ use super::regression::Sums;
 use plywave::cloth::making::{CLASSES, CLASSES_A_KIND, Cone, FEW, Few, NORMS, Poly, SIGMAS, TERMS, few};
 use std::f64::consts::PI;
 
-/// Node of absorption whose energies and width give the cones.
-const NODE: usize = 3;
+/// Node of absorption of the energies that make cones symmetric: of clear fibers, which have most of this
+/// light.
+const NODE: usize = 0;
+/// Node of absorption of the widths: of light colors, between clear fibers and dark ones.
+const WIDTH_NODE: usize = 1;
 /// Bins of the distance from the cone, 0 to 2.
 const BINS: usize = 400;
 /// Least and largest width.
@@ -21,8 +24,10 @@ const ANGLES: usize = 32;
 pub(super) struct Parallel {
     /// `[side][class][sent up, down]`, of leaving up and down by absorption.
     leaves: [Vec<Sums<FEW>>; 2],
-    /// `[side]`, by kind, leaving up and down.
-    mean: [Sums<TERMS>; 2],
+    /// `[side]`: of all beams.
+    seen: [Sums<TERMS>; 2],
+    /// `[side][class][sent up, down]`: what is caught, times the terms of both polynomials.
+    caught: [Vec<[[f64; FEW]; TERMS]>; 2],
     /// `[kind][leaves up, down]`: energies by distance from the cone.
     from_cone: [[[f64; BINS]; 2]; 2],
 }
@@ -31,14 +36,22 @@ impl Parallel {
     pub fn none() -> Parallel {
         Parallel {
             leaves: [0, 1].map(|_| (0..2 * CLASSES).map(|_| Sums::new(2 * SIGMAS)).collect()),
-            mean: [0, 1].map(|_| Sums::new(4)),
+            seen: [0, 1].map(|_| Sums::new(4)),
+            caught: [0, 1].map(|_| vec![[[0.0; FEW]; TERMS]; 2 * CLASSES]),
             from_cone: [[[0.0; BINS]; 2]; 2],
         }
     }
 
-    /// A beam from a side.
-    pub fn seen(&mut self, side: usize, t: &Poly) {
-        self.mean[side].seen(t);
+    /// A beam from a side, and what becomes of it.
+    pub fn look(&mut self, side: usize, t: &Poly, gone: Option<&Escaped>) {
+        self.seen[side].seen(t);
+        let Some(gone) = gone.filter(|gone| gone.orders > 0) else { return };
+        let few = few(t);
+        for (cause, caught) in gone.caught.iter().enumerate() {
+            for (row, t) in self.caught[side][2 * gone.class + cause].iter_mut().zip(t) {
+                row.iter_mut().zip(&few).for_each(|(sum, few)| *sum += f64::from(t * few * caught[NODE]));
+            }
+        }
     }
 
     /// A path of several plies from direction `a`; `axes` are those along which the kinds of yarns run.
@@ -56,8 +69,7 @@ impl Parallel {
         for i in 0..SIGMAS {
             of_cause.add(half * SIGMAS + i, gone.weight[kind][i] / gone.first[i].max(1e-30), &few);
         }
-        let energy = gone.weight[kind][NODE];
-        self.mean[side].add(2 * kind + half, energy, t);
+        let energy = gone.weight[kind][WIDTH_NODE];
         let v = (gone.d[axes[kind]] + a[axes[kind]]).abs();
         let bin = (f64::from(v) * BINS as f64 / 2.0) as usize;
         self.from_cone[kind][half][bin.min(BINS - 1)] += f64::from(energy);
@@ -66,7 +78,11 @@ impl Parallel {
     pub fn join(&mut self, other: &Parallel) {
         for side in 0..2 {
             self.leaves[side].iter_mut().zip(&other.leaves[side]).for_each(|(sums, other)| sums.join(other));
-            self.mean[side].join(&other.mean[side]);
+            self.seen[side].join(&other.seen[side]);
+            let others = other.caught[side].as_flattened().as_flattened();
+            for (sum, other) in self.caught[side].as_flattened_mut().as_flattened_mut().iter_mut().zip(others) {
+                *sum += other;
+            }
         }
         let others = other.from_cone.as_flattened().as_flattened();
         for (sum, other) in self.from_cone.as_flattened_mut().as_flattened_mut().iter_mut().zip(others) {
@@ -78,6 +94,23 @@ impl Parallel {
     pub fn leaves(&self, side: usize) -> Vec<[Few; SIGMAS]> {
         let all: Vec<Few> = self.leaves[side].iter().flat_map(Sums::solve).collect();
         all.as_chunks::<SIGMAS>().0.to_vec()
+    }
+
+    /// `[2 kind + leaves up, down]`: mean energies, as the polynomials of what is caught and of what leaves have
+    /// them: of the light that cones spread the sum is then symmetric.
+    fn energies(&self, side: usize) -> Vec<Poly> {
+        let leaves = self.leaves(side);
+        let mut sums = Sums::new(4);
+        sums.join(&self.seen[side]);
+        for class in 0..CLASSES {
+            for (cause, half) in [(0, 0), (0, 1), (1, 0), (1, 1)] {
+                let of = leaves[4 * class + 2 * cause + half][NODE];
+                let caught = &self.caught[side][2 * class + cause];
+                let energy = caught.map(|row| row.iter().zip(&of).map(|(sum, c)| sum * f64::from(*c)).sum());
+                sums.add_sums(2 * (class / CLASSES_A_KIND) + half, &energy);
+            }
+        }
+        sums.solve()
     }
 
     /// s of a kind and half: the density's median is at `s / sqrt(3)`.
@@ -96,7 +129,7 @@ impl Parallel {
 
 /// `[side][kind][leaves up, down]`.
 pub(super) fn cones(found: &Parallel, axes: [usize; 2]) -> [[[Cone; 2]; 2]; 2] {
-    let energies = found.mean.each_ref().map(|sums| sums.solve());
+    let energies = [0, 1].map(|side| found.energies(side));
     let mut cones = [[[Cone::NONE; 2]; 2]; 2];
     for kind in 0..2 {
         for half in 0..2 {

@@ -43,6 +43,11 @@ impl<const T: usize> Sums<T> {
         }
     }
 
+    /// What samples of one output add up to, each times the terms.
+    pub fn add_sums(&mut self, output: usize, sums: &[f64; T]) {
+        self.right[output].iter_mut().zip(sums).for_each(|(sum, more)| *sum += more);
+    }
+
     /// Coefficients of each output.
     pub fn solve(&self) -> Vec<[f32; T]> {
         let ridge = 1e-6 * self.normal[0][0].max(1e-30);
