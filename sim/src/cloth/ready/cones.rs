@@ -96,8 +96,8 @@ impl Parallel {
         all.as_chunks::<SIGMAS>().0.to_vec()
     }
 
-    /// `[2 kind + leaves up, down]`: mean energies, as the polynomials of what is caught and of what leaves have
-    /// them: of the light that cones spread the sum is then symmetric.
+    /// `[2 kind + leaves up, down]`: mean energies, as the polynomials of what is caught and of
+    /// what leaves have them: of the light that cones spread the sum is then symmetric.
     fn energies(&self, side: usize) -> Vec<Poly> {
         let leaves = self.leaves(side);
         let mut sums = Sums::new(4);
