@@ -18,6 +18,7 @@ mod far_views;
 mod file;
 mod gap;
 mod grid;
+mod hairs;
 mod lattice;
 mod layers;
 mod lines;
@@ -45,6 +46,7 @@ pub use curves::{ClothCurves, ClothYarn, CurvePoint, MAX_CURVE_POINTS, PlyCurve}
 pub use draft::{Draft, MAX_THREADS, YarnSet};
 pub use dye::{Channels, ColorReach};
 pub use file::ClothData;
+pub use hairs::Hairs;
 pub use lattice::{Buckets, Lattice, whole_times};
 pub use layers::Layer;
 pub use lines::{ClothLines, LineHit, LineHits, MAX_HITS};
@@ -77,4 +79,5 @@ pub mod making {
         AxisAt, BANDS, COLUMNS, LANES, MAX_SHARE, OFFSETS, ROWS, SIZE as SHADOW_BYTES, Toward, exit, z_of,
     };
     pub use super::splines::{At as SplinesAt, COUNT as SPLINES, Several as SeveralSplines};
+    pub use super::uneven::Uneven;
 }

@@ -4,6 +4,7 @@ mod build;
 mod export;
 mod family;
 mod farm;
+mod hairs;
 mod model;
 mod plot;
 mod render;
@@ -15,6 +16,7 @@ pub use build::*;
 pub use export::*;
 pub use family::*;
 pub use farm::*;
+pub use hairs::*;
 pub use model::*;
 pub use plot::*;
 pub use render::*;
@@ -101,6 +103,9 @@ pub enum Command {
     Color(ColorArgs),
     /// Weave or knit a cloth: cloth spec (TOML) in, its measures, and a cloth (.pwc) or its curves out.
     Weave(WeaveArgs),
+    /// Write the hairs of a cloth as curves: cloth spec (TOML) or cloth (.pwc) in, and a mesh (OBJ) to put
+    /// them on; Mitsuba's text of curves out.
+    Hairs(HairsArgs),
     /// Path trace the explicit fibers of a cloth, without a model: cloth spec (TOML) in, its twin (.pwx)
     /// out. `check` compares the cloth with its twin.
     Twin(TwinArgs),

@@ -311,6 +311,10 @@ pub fn check_inputs(command: &Command) -> Outcome {
         Command::Farm(args) => one(&args.library, &[Library]),
         Command::Twin(args) => one(&args.spec, &[Cloth]),
         Command::Weave(args) => one(&args.cloth, &[Cloth]),
+        Command::Hairs(args) => {
+            one(&args.cloth, &[Cloth, ClothFile])?;
+            maybe(&args.mesh, &[Mesh])
+        }
         Command::Wave(wave) => match &wave.command {
             WaveCommand::Scatter(args) => one(&args.scene, &[WaveScene]),
             WaveCommand::Speckle(args) => one(&args.spec, &[Yarn]),

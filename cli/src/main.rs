@@ -42,6 +42,7 @@ fn main() -> ExitCode {
         Command::Noise(args) => commands::noise::run(&cli, args),
         Command::Color(args) => commands::color::run(&cli, args),
         Command::Farm(args) => commands::farm::run(&cli, args),
+        Command::Hairs(args) => commands::hairs::run(&cli, args),
         Command::Twin(args) => commands::twin::run(&cli, args),
         Command::Weave(args) => commands::weave::run(&cli, args),
         Command::Completions(args) => commands::shell::completions(args),

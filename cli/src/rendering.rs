@@ -317,7 +317,7 @@ pub fn setup(args: &RenderArgs) -> Scene {
 }
 
 /// What was done to a mesh, a line each.
-fn mesh_notes(file: &Path, notes: &MeshNotes) -> Vec<String> {
+pub fn mesh_notes(file: &Path, notes: &MeshNotes) -> Vec<String> {
     let file = file.display();
     let scale = report::number(notes.mm_per_unit);
     let mut lines =

@@ -77,7 +77,7 @@ pub(crate) fn plan_twin(
         let refuse = |e| Failure::of_run(e, &recipe.file);
         let plies = recipe.ply_specs(&model_library())?;
         let curves = recipe.curves(&Run::plain())?.curves;
-        let cloth = TwinCurves::new(&recipe.spec.name, curves, plies).map_err(refuse)?;
+        let cloth = TwinCurves::new(&recipe.spec.name, curves, plies).map_err(refuse)?.with_hairs(recipe.spec.hairs());
         let standard = TwinOptions::default();
         let options = TwinOptions { paths: paths.unwrap_or(standard.paths), seed, ..standard };
         let job = TwinJob::new(cloth, &options).map_err(refuse)?;

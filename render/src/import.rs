@@ -39,6 +39,8 @@ const CROSSED: f64 = 1e-6;
 pub struct MeshNotes {
     /// Millimeters of the scene per unit of the file.
     pub mm_per_unit: f64,
+    /// Point of the file that the scene has at its origin.
+    pub middle: [f64; 3],
     /// Faces omitted because others have the same positions.
     pub equal: FaceCount,
     /// Faces omitted because they have no area in single precision.
@@ -88,7 +90,7 @@ impl Mesh {
     fn of_obj(obj: &Obj, name: &str, cloth_um: f64, size_mm: f64) -> Result<(Mesh, MeshNotes), RenderError> {
         let bad = |line: usize, what: &str| RenderError::Mesh { file: name.to_string(), line, what: what.into() };
         let places = Places::new(obj, name, size_mm)?;
-        let mut notes = MeshNotes { mm_per_unit: places.mm_per_unit, ..MeshNotes::default() };
+        let mut notes = MeshNotes { mm_per_unit: places.mm_per_unit, middle: places.middle, ..MeshNotes::default() };
         let mut triangles: Vec<[Corner; 3]> = Vec::new();
         let (mut cutter, mut known, mut ring) = (Cutter::default(), HashSet::new(), Vec::new());
         for (k, (line, corners)) in obj.faces().enumerate() {
@@ -166,6 +168,8 @@ struct Places {
     of: Vec<u32>,
     /// Millimeters per unit of the file.
     mm_per_unit: f64,
+    /// Middle of the mesh in the file.
+    middle: [f64; 3],
 }
 
 impl Places {
@@ -203,8 +207,12 @@ impl Places {
                 ),
             ));
         }
-        let mut places =
-            Places { points: Vec::new(), of: vec![NONE; obj.positions.len()], mm_per_unit: size_mm / extent };
+        let mut places = Places {
+            points: Vec::new(),
+            of: vec![NONE; obj.positions.len()],
+            mm_per_unit: size_mm / extent,
+            middle: middle.to_array(),
+        };
         let mut known: HashMap<[i32; 3], u32> = HashMap::new();
         for corner in obj.faces().flat_map(|(_, corners)| corners) {
             let slot = &mut places.of[corner.position as usize];
@@ -334,7 +342,7 @@ mod tests {
         assert_eq!((mesh.triangles.len(), mesh.positions.len()), (2, 4));
         assert_eq!(mesh.uv_um[2], [500.0, 500.0]);
         assert!((mesh.positions[1].x - 5.0).abs() < 1e-5 && (mesh.normals[0] - Vec3::Z).length() < 1e-6);
-        assert_eq!(notes, MeshNotes { mm_per_unit: 5.0, ..MeshNotes::default() });
+        assert_eq!(notes, MeshNotes { mm_per_unit: 5.0, middle: notes.middle, ..MeshNotes::default() });
         // Groups share their vertices: the normals of a fold are smooth across them.
         let fold = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 1 1 1\nvt 0 0\ng a\nf 1/1 2/1 3/1\ng b\nf 2/1 4/1 3/1\n";
         assert_eq!(read(fold, 1.0, 1.0).unwrap().0.positions.len(), 4);

@@ -31,6 +31,7 @@ mod sky_file;
 mod smooth;
 mod spectrum;
 mod strands;
+mod uv_places;
 
 pub use camera::{Camera, View};
 pub use course::MAX_SCATTERINGS;
@@ -52,6 +53,8 @@ pub use strands::{
     StrandFile, StrandHit, StrandNotes, StrandScene, StrandShape, StrandTree, Strands, TraceCost, make, mitsuba_text,
     render_strands, render_strands_dual,
 };
+
+pub use uv_places::UvPlaces;
 
 /// Wavelengths along a path.
 pub const WAVELENGTHS: usize = 4;

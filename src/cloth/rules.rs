@@ -60,6 +60,14 @@ const YARN: &[Key] = &[
     optional("sigma_per_um", Kind::Number(0.0, 10.0), "srgb"),
     optional("slit_um", Kind::Above(0.0, SLIT_MAX_UM as f64), "no slits"),
     optional("slit_share", Kind::Number(0.0, 1.0), "a quarter, with slit_um"),
+    optional("hairs", Kind::Table(HAIRS), "none"),
+];
+const HAIRS: &[Key] = &[
+    required("per_mm", Kind::Number(0.0, 100.0)),
+    required("length_mm", Kind::Number(0.02, 10.0)),
+    optional("curl_mm", Kind::Number(0.05, 100.0), "0.5"),
+    optional("rise", Kind::Number(0.05, 0.95), "0.5"),
+    optional("loops", Kind::Number(0.0, 1.0), "0.0"),
 ];
 
 /// Most yarns of a repeat of stripes.

@@ -3,6 +3,7 @@
 
 use super::color_of::ColorOf;
 use super::draft::Draft;
+use super::hairs::Hairs;
 use super::query::Slits;
 use super::units::{Count, fiber_area_um2, round_radius_um};
 use super::weave::WeaveSpec;
@@ -163,6 +164,9 @@ pub struct YarnOfCloth {
     /// Share of the forward light that goes through them, of yarns with slits; absent: [`SLIT_SHARE`].
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub slit_share: Option<f64>,
+    /// Ends and loops of fibers that stand out of it; absent: none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub hairs: Option<Hairs>,
 }
 
 /// Neighboring yarns of one color.
@@ -213,6 +217,11 @@ impl ClothSpec {
             Some(ClothWeave::Knitted(_, yarn) | ClothWeave::Curves(_, yarn)) => vec![yarn],
             None => Vec::new(),
         }
+    }
+
+    /// Hairs of the yarns, in the order of [`super::ClothYarn::kind`].
+    pub fn hairs(&self) -> Vec<Option<Hairs>> {
+        self.yarns().into_iter().map(|yarn| yarn.hairs).collect()
     }
 
     /// Draft of a woven cloth; `None` for a WIF, whose draft is in its file, and for other cloths.

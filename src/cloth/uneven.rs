@@ -14,6 +14,9 @@ use crate::{Result, io::invalid};
 
 /// Length over which yarns change where a spec does not say [mm].
 pub(super) const USUAL_MM: f64 = 10.0;
+/// Steps in which the point of a place is found; each brings it nearer by the slope of the shift, mostly
+/// below a fifth.
+const POINT_STEPS: usize = 12;
 /// Standard deviation of the sum of two even numbers between -1/2 and 1/2 is 1 over this.
 const PER_DEVIATION: f32 = 2.449_489_8;
 
@@ -36,11 +39,16 @@ pub(super) struct UnevenKind {
 
 /// The unevenness of a cloth.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub(super) struct Uneven {
-    pub kinds: Vec<UnevenKind>,
+pub struct Uneven {
+    pub(super) kinds: Vec<UnevenKind>,
 }
 
 impl Uneven {
+    /// Whether no yarn is uneven.
+    pub fn is_even(&self) -> bool {
+        self.kinds.is_empty()
+    }
+
     /// Of the yarns of a spec. A width is the root of a yarn's area: it varies half as much as its count.
     ///
     /// # Errors
@@ -81,6 +89,17 @@ impl Uneven {
             });
         }
         Ok(Uneven { kinds })
+    }
+
+    /// The point at which a place of the even cloth shows [um], the inverse of [`Uneven::place`] but where
+    /// yarns push each other so far that a place shows twice or not at all: there, a point near it.
+    pub fn point(&self, place_um: [f32; 2]) -> [f32; 2] {
+        let mut at = place_um;
+        for _ in 0..POINT_STEPS {
+            let shows = self.place(at);
+            (0..2).for_each(|k| at[k] += place_um[k] - shows[k]);
+        }
+        at
     }
 
     /// The place of the even cloth that shows at a point [um].
@@ -245,6 +264,17 @@ mod tests {
         let start = std::time::Instant::now();
         let sum: f32 = (0..1_000_000u32).map(|i| uneven.place([i as f32, 0.37 * i as f32])[0]).sum();
         println!("{:.1} ns ({sum})", start.elapsed().as_secs_f64() * 1e3);
+    }
+
+    /// A place of a yarn shows at its point.
+    #[test]
+    fn points_of_places_are_found() {
+        let uneven = Uneven { kinds: vec![KIND, UnevenKind { across: [0.8, 0.6], seed: 5, ..KIND }] };
+        for i in 0..2000u32 {
+            let place = [37.3 * i as f32, 11.9 * i as f32 - 5000.0];
+            let shows = uneven.place(uneven.point(place));
+            assert!((shows[0] - place[0]).hypot(shows[1] - place[1]) < 0.5, "{place:?} {shows:?}");
+        }
     }
 
     /// No place makes it fail.

@@ -6,7 +6,7 @@ use super::twin::{angles, sigma_text};
 use crate::args::{CheckArgs, Cli};
 use crate::failure::{Failure, Outcome};
 use crate::output;
-use plywave::cloth::{ClothModel, ClothOptions};
+use plywave::cloth::{ClothModel, ClothOptions, ClothSpec};
 use plywave::twin::{ClothTwin, Comparison, ComparisonOptions, compare};
 use plywave_pipeline::ReadyCloth;
 use plywave_sim::twin::TwinCurves;
@@ -48,9 +48,10 @@ pub fn run(cli: &Cli, args: &CheckArgs) -> Outcome {
         notes.iter().for_each(|note| eprintln!("note: {note}"));
     }
     let plies = data.models.iter().map(|m| m.data().spec_text.clone()).collect::<Vec<_>>();
+    let hairs = ClothSpec::parse(&data.spec_text, &args.model.display().to_string())?.hairs();
     if let Some(what) = match &traced {
         None => Some("curves"),
-        Some(traced) => traced.difference(&data.curves, &plies),
+        Some(traced) => traced.difference(&data.curves, &plies, &hairs),
     } {
         let hint = format!("{} is of another cloth; trace it again with `plywave twin`", path.display());
         return Err(Failure::input(args.model.display(), what, "not the twin's", &hint));

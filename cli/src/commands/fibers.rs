@@ -4,7 +4,7 @@ use super::{on_threads, runs};
 use crate::args::Cli;
 use crate::failure::Outcome;
 use plywave::ClothModel;
-use plywave::cloth::ClothData;
+use plywave::cloth::{ClothData, ClothSpec};
 use plywave_render::{Lamps, Leaves, Matter, PathNumbers, WAVELENGTHS};
 use plywave_sim::twin::{ClothTracer, LightsOfFibers, ThreadOfFiber, TwinCurves, TwinMesh};
 use std::path::Path;
@@ -20,7 +20,8 @@ pub struct Fibers {
 pub fn tracer(cli: &Cli, data: &ClothData, file: &Path, seed: u64) -> Outcome<ClothTracer> {
     let specs = data.models.iter().map(|model| model.data().spec_text.clone()).collect();
     let made = on_threads(cli, || {
-        let cloth = TwinCurves::new(&data.name, data.curves.clone(), specs)?;
+        let hairs = ClothSpec::parse(&data.spec_text, &file.display().to_string())?.hairs();
+        let cloth = TwinCurves::new(&data.name, data.curves.clone(), specs)?.with_hairs(hairs);
         ClothTracer::of_cloth(&cloth, None, &TwinMesh::default(), seed)
     })?;
     made.map_err(|error| runs::failure(error, file))

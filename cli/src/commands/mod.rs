@@ -19,6 +19,7 @@ pub mod farm;
 pub mod fiber_view;
 mod fibers;
 pub mod fit;
+pub mod hairs;
 pub mod info;
 pub mod info_fiber;
 pub mod merge;

@@ -17,7 +17,7 @@ pub fn run(cli: &Cli, args: &TwinArgs) -> Outcome {
     let recipe = cloth_file::recipe(&args.spec)?;
     let texts = recipe.ply_specs(&cli.library()?).map_err(runs::pipeline_failure)?;
     let made = cloth_file::curves(cli, &recipe)?;
-    let cloth = TwinCurves::new(&recipe.spec.name, made.curves, texts).map_err(refuse)?;
+    let cloth = TwinCurves::new(&recipe.spec.name, made.curves, texts).map_err(refuse)?.with_hairs(recipe.spec.hairs());
     let job = TwinJob::new(cloth, &options(args)).map_err(refuse)?;
     let path = args.output.clone().unwrap_or_else(|| args.shards.default_output(&args.spec, "pwx"));
     output::check_writable(&path, &[&args.spec])?;

@@ -15,6 +15,7 @@ mod field;
 mod figures;
 mod filaments;
 mod full_disk;
+mod hairs;
 mod kinds;
 mod library;
 mod noise;

@@ -374,7 +374,11 @@ fn meshes_of_the_field_are_whole() {
         ("obj_line_continuation/cont.obj", 1.0),
     ] {
         let (scene, notes) = field(name);
-        assert_eq!(notes, MeshNotes { mm_per_unit: notes.mm_per_unit, ..MeshNotes::default() }, "{name}");
+        assert_eq!(
+            notes,
+            MeshNotes { mm_per_unit: notes.mm_per_unit, middle: notes.middle, ..MeshNotes::default() },
+            "{name}"
+        );
         // Centers of 64 x 64 pixels, none of which is on an edge.
         let at = |k: i32| (k as f32 - 31.5) / 32.0 * 10.0;
         let met = (0..64 * 64)

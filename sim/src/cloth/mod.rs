@@ -6,6 +6,7 @@
 
 mod bcc;
 mod files;
+mod hairs;
 mod knit;
 mod knitted;
 mod make;
@@ -17,6 +18,7 @@ mod tg3;
 mod woven;
 
 pub use files::{CurveFormat, write_curves};
+pub use hairs::{Hair, HairKind, HairRoots};
 pub use make::{MadeCloth, make_cloth};
 pub use measure::{ClothMeasures, ClothSolid, YarnMeasures, measure};
 pub use ready::{ClothStep, Told, make_ready};

@@ -7,15 +7,17 @@
 //! that they close. The domain holds each piece of a tube that reaches into it.
 
 use super::domain::{Domain, MAX_QUADS, PitchUsed, outline_share};
+use super::hair_walls::add_hair;
 use super::options::TwinMesh;
 use super::sweep::{ClothMesh, ThreadOfFiber, ring};
+use crate::cloth::{Hair, HairKind, HairRoots};
 use crate::error::SimError;
 use crate::geometry::outline::Outline;
 use crate::geometry::section::PlySection;
 use crate::simulate::stream;
 use nalgebra::Rotation2;
 use plywave::Error;
-use plywave::cloth::{ClothCurves, Lattice, PlyCurve, YarnSet};
+use plywave::cloth::{ClothCurves, Hairs, Lattice, PlyCurve, YarnSet};
 use plywave::math::vec3::{cross, dot, sub, unit};
 use plywave::spec::YarnSpec;
 use rand::RngExt;
@@ -54,6 +56,8 @@ pub struct TwinCurves {
     pub curves: ClothCurves,
     /// Specs of the plies, by kind of yarn.
     pub yarns: Vec<YarnSpec>,
+    /// Hairs, by kind of yarn; empty where there are none.
+    hairs: Vec<Option<Hairs>>,
     lattice: Lattice,
     /// The least rectangle: two combinations of the vectors of the cell, along x and along y.
     rectangle: [[i32; 2]; 2],
@@ -68,6 +72,15 @@ struct Text {
     curves: ClothCurves,
     /// Texts of the yarn specs.
     yarns: Vec<String>,
+    /// Hairs, by kind of yarn.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    hairs: Vec<Option<Hairs>>,
+}
+
+/// A text as it is kept.
+fn written(text: &Text) -> String {
+    // Strings, finite numbers and lists: nothing that JSON cannot hold.
+    serde_json::to_string(text).unwrap_or_default()
 }
 
 fn refuse(key: &str, value: String, hint: String) -> SimError {
@@ -127,10 +140,18 @@ impl TwinCurves {
             let hint = format!("use a cell of which {MAX_RECTANGLE} or fewer make a rectangle along x and y");
             return Err(refuse("cell_um", format!("{:?}", curves.cell_um), hint));
         }
-        let text = Text { name: name.into(), curves: curves.clone(), yarns: specs };
-        // Strings, finite numbers and lists: nothing that JSON cannot hold.
-        let text = serde_json::to_string(&text).unwrap_or_default();
-        Ok(TwinCurves { name: name.into(), curves, yarns, lattice, rectangle: [x, y], text })
+        let text = written(&Text { name: name.into(), curves: curves.clone(), yarns: specs, hairs: Vec::new() });
+        Ok(TwinCurves { name: name.into(), curves, yarns, hairs: Vec::new(), lattice, rectangle: [x, y], text })
+    }
+
+    /// The cloth with hairs, by kind of yarn.
+    #[must_use]
+    pub fn with_hairs(mut self, hairs: Vec<Option<Hairs>>) -> TwinCurves {
+        self.hairs = if hairs.iter().any(Option::is_some) { hairs } else { Vec::new() };
+        if let Ok(text) = serde_json::from_str::<Text>(&self.text) {
+            self.text = written(&Text { hairs: self.hairs.clone(), ..text });
+        }
+        self
     }
 
     /// A cloth from its own text; `None` for text of another kind.
@@ -138,13 +159,13 @@ impl TwinCurves {
     /// # Errors
     /// As [`TwinCurves::new`].
     pub fn parse(text: &str) -> Option<Result<TwinCurves, SimError>> {
-        let Text { name, curves, yarns } = serde_json::from_str(text).ok()?;
-        Some(TwinCurves::new(&name, curves, yarns))
+        let Text { name, curves, yarns, hairs } = serde_json::from_str(text).ok()?;
+        Some(TwinCurves::new(&name, curves, yarns).map(|cloth| cloth.with_hairs(hairs)))
     }
 
-    /// What is not the same in a cloth of these curves and, by kind of yarn, texts of the specs of its plies;
-    /// `None` where all is.
-    pub fn difference(&self, curves: &ClothCurves, specs: &[String]) -> Option<&'static str> {
+    /// What is not the same in a cloth of these curves and, by kind of yarn, texts of the specs of its plies
+    /// and hairs; `None` where all is.
+    pub fn difference(&self, curves: &ClothCurves, specs: &[String], hairs: &[Option<Hairs>]) -> Option<&'static str> {
         // Numbers come from a text.
         let is_near = |a: f64, b: f64| (a - b).abs() <= SAME * (1.0 + a.abs());
         let all_near = |a: &[f64], b: &[f64]| a.len() == b.len() && a.iter().zip(b).all(|(a, b)| is_near(*a, *b));
@@ -164,7 +185,11 @@ impl TwinCurves {
         let others = specs.iter().map(|text| YarnSpec::parse(text, "yarn")).collect::<Result<Vec<_>, _>>();
         let alike = |(a, b): (&YarnSpec, &YarnSpec)| (&a.fiber, &a.ply) == (&b.fiber, &b.ply);
         let plies = others.is_ok_and(|o| o.len() == self.yarns.len() && o.iter().zip(&self.yarns).all(alike));
-        (!plies).then_some("plies")
+        if !plies {
+            return Some("plies");
+        }
+        let of = |hairs: &[Option<Hairs>], kind: usize| hairs.get(kind).copied().flatten();
+        (0..self.yarns.len()).any(|kind| of(&self.hairs, kind) != of(hairs, kind)).then_some("hairs")
     }
 
     /// Its text: all that the fibers depend on, except the seed.
@@ -231,11 +256,10 @@ impl TwinCurves {
         [0, 1].map(|k| (((v[k] / size[k] + 1e-7).rem_euclid(1.0)) * 1e6).round() as i64)
     }
 
-    /// The closed loops of a domain.
-    fn loops(&self, repeats: [u32; 2]) -> Vec<Loop<'_>> {
+    /// The size of a domain [um], and its cells by their places.
+    fn cells(&self, repeats: [u32; 2]) -> ([f64; 2], BTreeMap<[i64; 2], [i32; 2]>) {
         let repeat = self.repeat_um();
         let size = [0, 1].map(|k| repeat[k] * f64::from(repeats[k]));
-        // All cells of the domain.
         let mut cells = BTreeMap::from([(self.place([0; 2], size), [0; 2])]);
         let mut next = vec![[0i32; 2]];
         while let Some(at) = next.pop() {
@@ -246,9 +270,59 @@ impl TwinCurves {
                 }
             }
         }
+        (size, cells)
+    }
+
+    /// All hairs of a domain.
+    #[cfg(test)]
+    pub(super) fn all_hairs(&self, repeats: [u32; 2], seed: u64) -> Vec<Hair> {
+        self.hairs(&self.loops(repeats), repeats, seed).unwrap().concat()
+    }
+
+    /// What the hairs of the cloth grow from; `None` where it has none.
+    fn hair_roots(&self) -> Result<Option<HairRoots<'_>>, SimError> {
+        if self.hairs.is_empty() {
+            return Ok(None);
+        }
+        let kinds = self.yarns.iter().zip(self.hairs.iter().chain(std::iter::repeat(&None)));
+        let kinds = kinds.map(|(spec, hairs)| hairs.map(|hairs| HairKind::new(hairs, spec)));
+        HairRoots::new(&self.curves, kinds.collect()).map(Some)
+    }
+
+    /// The hairs of a domain, by loop: each grows from a cell of the domain, and is one with its images on
+    /// other sides.
+    fn hairs(&self, loops: &[Loop<'_>], repeats: [u32; 2], seed: u64) -> Result<Vec<Vec<Hair>>, SimError> {
+        let mut all = vec![Vec::new(); loops.len()];
+        let Some(roots) = self.hair_roots()? else { return Ok(all) };
+        let (size, cells) = self.cells(repeats);
+        let mut of_piece = BTreeMap::new();
+        for (number, of) in loops.iter().enumerate() {
+            for period in 0..of.periods as i32 {
+                let cell = [0, 1].map(|k| of.start[k] + period * of.curve.shift[k]);
+                of_piece.insert((of.index, self.place(cell, size)), number);
+            }
+        }
+        let pieces: Vec<_> = (0..self.curves.yarns.len())
+            .flat_map(|yarn| cells.iter().map(move |(at, cell)| (yarn, at, cell)))
+            .collect();
+        let grown: Vec<_> =
+            pieces.into_par_iter().map(|(yarn, place, cell)| (place, roots.grow(yarn, *cell, seed))).collect();
+        for (place, hairs) in grown {
+            for hair in hairs {
+                if let Some(number) = of_piece.get(&(hair.curve as usize, *place)) {
+                    all[*number].push(hair);
+                }
+            }
+        }
+        Ok(all)
+    }
+
+    /// The closed loops of a domain.
+    fn loops(&self, repeats: [u32; 2]) -> Vec<Loop<'_>> {
+        let (size, cells) = self.cells(repeats);
         let plus = |a: [i32; 2], b: [i32; 2]| [a[0] + b[0], a[1] + b[1]];
         let (mut loops, mut yarns) = (Vec::new(), BTreeMap::new());
-        for curve in &self.curves.curves {
+        for (index, curve) in self.curves.curves.iter().enumerate() {
             let yarn = &self.curves.yarns[curve.yarn as usize];
             let mut seen = BTreeSet::new();
             for (place, start) in &cells {
@@ -278,7 +352,15 @@ impl TwinCurves {
                 let count = yarns.len() as u32;
                 let number = *yarns.entry((curve.yarn, name)).or_insert(count);
                 let color = (0..2).fold(yarn.number, |n, k| n.wrapping_add(yarn.step[k].wrapping_mul(start[k])));
-                loops.push(Loop { curve, kind: yarn.kind as usize, yarn: number, color, start: *start, periods });
+                loops.push(Loop {
+                    curve,
+                    index,
+                    kind: yarn.kind as usize,
+                    yarn: number,
+                    color,
+                    start: *start,
+                    periods,
+                });
             }
         }
         // The tracer has the fibers of the first kind first.
@@ -296,7 +378,12 @@ impl TwinCurves {
             let shape = spec.fibers().map(|fiber| outline_share(&fiber.shape)).fold(0.0, f64::max);
             rings * f64::from(options.outline_points) * shape * f64::from(spec.ply.fibers)
         };
-        self.loops(repeats).iter().map(of).sum()
+        let plies: f64 = self.loops(repeats).iter().map(of).sum();
+        let area: f64 = self.repeat_um().iter().zip(repeats).map(|(um, n)| um * f64::from(n)).product();
+        let longest = self.hairs.iter().flatten().map(|hairs| 1e3 * hairs.length_mm).fold(0.0, f64::max);
+        let of_hair = (8.0 + longest / 50.0) * f64::from(options.outline_points);
+        let hairs = self.hair_roots().ok().flatten().map_or(0.0, |roots| roots.mean_count(area));
+        plies + hairs * of_hair
     }
 
     /// The quads of a domain.
@@ -310,9 +397,13 @@ impl TwinCurves {
             return Err(SimError::TwinTooLarge { repeats, triangles: 2.0 * quads, allowed: 2.0 * MAX_QUADS });
         }
         let loops = self.loops(domain.repeats);
-        let parts = loops.par_iter().enumerate();
-        let parts =
-            parts.map(|(i, l)| self.sweep(l, domain, options, seed, i as u32)).collect::<Result<Vec<_>, _>>()?;
+        let hairs = self.hairs(&loops, domain.repeats, seed)?;
+        let parts = loops.par_iter().zip(hairs).enumerate().map(|(i, (l, hairs))| {
+            let mut part = self.sweep(l, domain, options, seed, i as u32)?;
+            hairs.iter().for_each(|hair| add_hair(&mut part, hair, l.thread(i as u32, hair.second), domain, options));
+            Ok(part)
+        });
+        let parts = parts.collect::<Result<Vec<_>, SimError>>()?;
         Ok(ClothMesh::joined(parts))
     }
 
@@ -342,9 +433,7 @@ impl TwinCurves {
         };
         let mut mesh = ClothMesh::default();
         for (fiber, id) in section.fibers.iter().zip(0..) {
-            let family = YarnSet::EACH[of.kind.min(1)];
-            let (spec, second) = (of.kind as u32, fiber.second);
-            mesh.fibers.push(ThreadOfFiber { family, yarn: of.yarn, number: of.color, ply: number, spec, second });
+            mesh.fibers.push(of.thread(number, fiber.second));
             for (outline, lumen) in std::iter::once((&fiber.outer, 0)).chain(fiber.lumen.as_ref().map(|l| (l, 1))) {
                 let ring = ring(fiber, outline, lumen == 1, turn, options);
                 let is_round = matches!(outline, Outline::Circle { .. });
@@ -416,6 +505,8 @@ impl TwinCurves {
 /// A curve with its images along it, closed on the torus of a domain.
 struct Loop<'a> {
     curve: &'a PlyCurve,
+    /// Index of the curve.
+    index: usize,
     kind: usize,
     /// Number of its yarn in the domain, and the one that its color is of.
     yarn: u32,
@@ -423,6 +514,14 @@ struct Loop<'a> {
     /// Cell in which it starts, and periods of the curve after which it closes.
     start: [i32; 2],
     periods: usize,
+}
+
+impl Loop<'_> {
+    /// What a fiber of the loop with this number is of.
+    fn thread(&self, number: u32, second: bool) -> ThreadOfFiber {
+        let (family, spec) = (YarnSet::EACH[self.kind.min(1)], self.kind as u32);
+        ThreadOfFiber { family, yarn: self.yarn, number: self.color, ply: number, spec, second }
+    }
 }
 
 /// Rings along a loop.

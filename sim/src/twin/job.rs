@@ -25,7 +25,7 @@ pub fn twin(cloth: &TwinCurves, options: &TwinOptions, run: Run<'_>) -> Result<C
 /// Size of a twin.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TwinSize {
-    /// Fibers, each as long as the domain.
+    /// Fibers, each as long as the domain, and hairs.
     pub fibers: usize,
     /// Triangles.
     pub triangles: usize,

@@ -6,11 +6,13 @@
 //! ply.
 //!
 //! [`TwinCurves`] describes the cloth and sweeps its fibers, [`Domain`] has the traced repeats and the
-//! pitches that close over them, `sweep.rs` has the rings about outlines, [`ClothTracer`] traces rays through
+//! pitches that close over them, `sweep.rs` has the rings about outlines, `hair_walls.rs` the walls of
+//! hairs, [`ClothTracer`] traces rays through
 //! the infinite repetition, and [`TwinJob`] runs the paths.
 
 mod curves;
 mod domain;
+mod hair_walls;
 mod job;
 mod options;
 mod shard;

@@ -1,7 +1,7 @@
 //! Tests of the twin against the simulation of a single ply, which shares only the packed section with it.
 
 use super::curves::TwinCurves;
-use super::job::TwinJob;
+use super::job::{TwinJob, twin};
 use super::options::{TwinMesh, TwinOptions};
 use super::sweep::ThreadOfFiber;
 use super::tracer::{ClothTracer, LightsOfFibers};
@@ -10,10 +10,11 @@ use crate::geometry::section::PlySection;
 use crate::rays::dielectric::RoughDielectric;
 use crate::rays::path::{PathEnd, trace_path, walk};
 use crate::rays::screw::ScrewTracer;
-use crate::runs::Description;
+use crate::rays::tracer::{Medium, Trace};
+use crate::runs::{Description, Run};
 use crate::simulate::stream;
 use nalgebra::{Rotation3, Vector3};
-use plywave::cloth::{ClothCurves, ClothYarn, Lattice, PlyCurve};
+use plywave::cloth::{ClothCurves, ClothYarn, Hairs, Lattice, PlyCurve};
 use plywave::spec::{POLYESTER, YarnSpec};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
@@ -157,6 +158,98 @@ fn drawn_light_is_that_of_paths() {
         assert!(left > 0.1 && se < 0.05, "{left} {se}");
         assert!((light - left).abs() < 4.0 * se + 0.005, "{w:?}: {light}, walls sent out {left}, se {se}");
     }
+}
+
+/// The lone ply with long hairs, some of them loops, of which many leave the domain.
+fn hairy_ply() -> TwinCurves {
+    let hairs = Hairs { per_mm: 60.0, length_mm: 0.5, curl_mm: 0.4, rise: 0.5, loops: 0.2 };
+    lone_ply().with_hairs(vec![Some(hairs)])
+}
+
+/// Lines along the normal hit the hairs that stand beside the ply, wherever the domain repeats: against their
+/// shadows on the plane, by brute force. Hairs beyond a side of the domain come back on the other.
+#[test]
+fn lines_hit_hairs_where_they_are() {
+    let (cloth, repeats) = (hairy_ply(), [1, 4]);
+    let tracer = ClothTracer::of_cloth(&cloth, Some(repeats), &TwinMesh::default(), 5).unwrap();
+    let hairs = cloth.all_hairs(repeats, 5);
+    let [w, h] = tracer.size_um().map(f64::from);
+    assert_eq!([w, h], [4000.0, 400.0]);
+    let outside = |p: &[f64; 3]| p[1].rem_euclid(h) != p[1];
+    assert!(hairs.iter().filter(|hair| hair.points_um.iter().any(outside)).count() > 5, "few cross a side");
+    // How far a point of the plane lies within the shadow of a hair, less than 0 outside [um]; not a number
+    // beside the flat end of one alone.
+    let depth = |x: f64, y: f64| {
+        let (mut most, mut at_end) = (f64::NEG_INFINITY, f64::NEG_INFINITY);
+        for hair in &hairs {
+            let last = hair.points_um.len() - 2;
+            for (i, piece) in hair.points_um.windows(2).enumerate() {
+                // The image that is nearest; pieces are shorter than the domain.
+                let fold = |d: f64, size: f64| d - size * (d / size).round();
+                let (px, py) = (fold(piece[0][0] - x, w), fold(piece[0][1] - y, h));
+                let (dx, dy) = (piece[1][0] - piece[0][0], piece[1][1] - piece[0][1]);
+                let t = -(px * dx + py * dy) / (dx * dx + dy * dy).max(1e-12);
+                let is_beyond = (i == 0 && t < 0.0) || (i == last && t > 1.0);
+                let t = t.clamp(0.0, 1.0);
+                let within = hair.radius_um - (px + t * dx).hypot(py + t * dy);
+                let to = if is_beyond { &mut at_end } else { &mut most };
+                *to = to.max(within);
+            }
+        }
+        if most < 0.0 && at_end > -2.0 { f64::NAN } else { most }
+    };
+    let [_, high] = tracer.heights_um();
+    let mut rng = Pcg64Mcg::seed_from_u64(2);
+    let (mut shaded, mut lit) = (0, 0);
+    for _ in 0..20_000 {
+        let (x, y) = (2000.0 + 1200.0 * (rng.random::<f64>() - 0.5), h * rng.random::<f64>());
+        let within = depth(x, y);
+        // Beside the ply, and not at the rim of a tube, which is a polygon with flat ends and mitered bends.
+        if (x - 2000.0).abs() < 65.0 || within.is_nan() || within.abs() < 2.0 {
+            continue;
+        }
+        let pos = Vector3::new((x - 0.5 * w) as f32, (y - 0.5 * h) as f32, high);
+        let hit = matches!(tracer.trace(pos, -Vector3::z(), Medium::Air), Trace::Hit(_));
+        assert_eq!(hit, within > 0.0, "at {x:.1} {y:.1}, {within:.2} um within");
+        *(if hit { &mut shaded } else { &mut lit }) += 1;
+    }
+    println!("{} hairs; {shaded} lines hit one, {lit} none", hairs.len());
+    assert!(shaded > 300 && lit > 300, "{shaded} {lit}");
+}
+
+/// Clear fibers with hairs send out all light, and hairs catch light that passed the ply.
+#[test]
+fn hairs_keep_all_light() {
+    let options = TwinOptions {
+        views: vec![[0.0, 0.0, 1.0], [0.6, 0.48, 0.64]],
+        sigma_per_um: vec![[0.0; 2]],
+        paths: 20_000,
+        shards: 4,
+        image: 4,
+        repeats: Some([1, 4]),
+        ..TwinOptions::default()
+    };
+    let [bare, hairy] = [lone_ply(), hairy_ply()].map(|cloth| twin(&cloth, &options, Run::plain()).unwrap());
+    for view in 0..2 {
+        let [bare, light] = [&bare, &hairy].map(|twin| twin.light(view, 0));
+        let sum = light.reflected + light.transmitted + light.straight;
+        println!("view {view}: {light:?}, sum {sum:.5}, without hairs {bare:?}");
+        assert!((sum - 1.0).abs() < 0.01, "{sum}");
+        assert!(light.straight < bare.straight - 0.02, "{light:?} {bare:?}");
+    }
+}
+
+/// Hairs are part of a cloth's text, and of what a twin is compared by; none leave the text as it was.
+#[test]
+fn hairs_are_in_the_text() {
+    let (bare, hairy) = (lone_ply(), hairy_ply());
+    assert!(!bare.text().contains("hairs"));
+    assert_eq!(bare.text(), lone_ply().with_hairs(vec![None]).text());
+    let again = TwinCurves::parse(hairy.text()).unwrap().unwrap();
+    assert_eq!(again.text(), hairy.text());
+    let specs = [POLYESTER.to_string()];
+    assert_eq!(hairy.difference(&bare.curves, &specs, &[None]), Some("hairs"));
+    assert_eq!(bare.difference(&hairy.curves, &specs, &[]), None);
 }
 
 #[test]
