@@ -34,7 +34,7 @@ use std::f32::consts::{PI, TAU};
 pub use super::far::{SIGMA_PER_UM, SIGMAS};
 const LENGTH_UM: f32 = 150.0;
 /// Share of light about cones whose samples are drawn so; the others are drawn by the cosine.
-const ABOUT_CONES: f32 = 0.7;
+const ABOUT_CONES: f32 = 0.2;
 /// Polynomials of the direction.
 pub const TERMS: usize = 16;
 /// Polynomials of what depends little on it.

@@ -12,7 +12,7 @@ SIGMAS, LENGTH_UM, COUNT, SPLINE_COLUMNS, INTERVALS = 8, 150.0, 168, 24, 5
 # src/cloth/cones.rs: numbers of a cone (width, 16 terms, norms), nodes of the norm.
 CONE, NORMS, MIN_ENERGY = 50, 33, 1e-3
 # src/cloth/between.rs: share of light about cones whose samples are drawn so.
-ABOUT_CONES = 0.7
+ABOUT_CONES = 0.2
 
 
 # Nodes of absorption [1/um], and v = 1 / (1 + sigma L) there, the last one 0.

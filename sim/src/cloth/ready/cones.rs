@@ -113,7 +113,7 @@ impl Parallel {
         sums.solve()
     }
 
-    /// s of a kind and half: the density's median is at `s / sqrt(3)`.
+    /// s of a kind and half, by the median of the distance from the cone.
     fn width(&self, kind: usize, half: usize) -> f64 {
         let bins = &self.from_cone[kind][half];
         let all: f64 = bins.iter().sum();
@@ -123,8 +123,36 @@ impl Parallel {
             sum >= 0.5 * all
         });
         let median = 2.0 * (median.unwrap_or(BINS) as f64 + 0.5) / BINS as f64;
-        (median * 3f64.sqrt()).clamp(WIDTHS[0], WIDTHS[1])
+        let [mut low, mut high] = WIDTHS;
+        for _ in 0..30 {
+            let middle = (low * high).sqrt();
+            if share_within(median, middle) > 0.5 { low = middle } else { high = middle }
+        }
+        low
     }
+}
+
+/// Share of light within a distance from the cone, by a width: directions of incidence as those of the beams,
+/// half even and half by their cosine, light by the cosine about the axis.
+fn share_within(distance: f64, width: f64) -> f64 {
+    const STEPS: usize = 100;
+    let cone = Cone { width: width as f32, ..Cone::NONE };
+    let sine = |i: usize| (2 * i + 1) as f64 / STEPS as f64 - 1.0;
+    let mut within = 0.0;
+    let mut beams = 0.0;
+    for a in (0..STEPS).map(sine) {
+        let (mut near, mut all) = (0.0, 0.0);
+        for b in (0..STEPS).map(sine) {
+            let light = f64::from(cone.density((a + b) as f32)) * (1.0 - b * b).sqrt();
+            all += light;
+            if (a + b).abs() < distance {
+                near += light;
+            }
+        }
+        let beam = 0.5 + 2.0 / PI * (1.0 - a * a).sqrt();
+        (within, beams) = (within + beam * near / all, beams + beam);
+    }
+    within / beams
 }
 
 /// `[side][kind][leaves up, down]`.
