@@ -33,6 +33,7 @@ mod shadow;
 mod spec;
 mod splines;
 mod tensors;
+mod terms;
 mod uneven;
 mod units;
 mod uv;
@@ -65,19 +66,18 @@ pub use wif::{Wif, WifNote, WifNoteKind, WifSpacing};
 /// What `plywave_sim::cloth` makes cloths of; a host needs nothing from here.
 #[doc(hidden)]
 pub mod making {
-    pub use super::between::{
-        CLASSES, CLASSES_A_KIND, FEW, Few, InterYarn, PAIRS, Poly, SIGMA_PER_UM, SIGMAS, Side, TERMS, dot, few, terms,
-    };
+    pub use super::between::{CLASSES, CLASSES_A_KIND, InterYarn, PAIRS, SIGMA_PER_UM, SIGMAS, Side, class};
     pub use super::brightness::albedo;
     pub use super::color_of::NODES as ALBEDO_NODES;
     pub use super::cones::{Cone, NORMS};
     pub use super::far::FarData;
     pub use super::far_views::{FarView, far_view};
-    pub use super::plies::{ClothPlies, class, frame, start};
+    pub use super::plies::{ClothPlies, frame, start};
     pub use super::shade::{ClothShade, ClothShadows, is_own};
     pub use super::shadow::{
         AxisAt, BANDS, COLUMNS, LANES, MAX_SHARE, OFFSETS, ROWS, SIZE as SHADOW_BYTES, Toward, exit, z_of,
     };
     pub use super::splines::{At as SplinesAt, COUNT as SPLINES, Several as SeveralSplines};
+    pub use super::terms::{FEW, Few, Poly, TERMS, dot, few, terms};
     pub use super::uneven::Uneven;
 }

@@ -23,6 +23,7 @@
 use super::cones::{Cone, ConeAt};
 use super::plies::Runs;
 use super::splines;
+use super::terms::{Few, Poly, dot, few, terms};
 use crate::math::clamp_unit;
 use crate::math::simd::{max, min};
 use multiversion::multiversion;
@@ -35,21 +36,12 @@ pub use super::far::{SIGMA_PER_UM, SIGMAS};
 const LENGTH_UM: f32 = 150.0;
 /// Share of light about cones whose samples are drawn so; the others are drawn by the cosine.
 const ABOUT_CONES: f32 = 0.2;
-/// Polynomials of the direction.
-pub const TERMS: usize = 16;
-/// Polynomials of what depends little on it.
-pub const FEW: usize = 8;
 /// Pairs of absorptions.
 pub const PAIRS: usize = SIGMAS * SIGMAS;
 /// Classes of a first ply: its kind of yarn, whether it is the first on the line, whether another follows.
 pub const CLASSES: usize = 2 * CLASSES_A_KIND;
 /// Of one kind.
 pub const CLASSES_A_KIND: usize = 4;
-/// A polynomial of the direction for each pair of absorptions.
-pub type Poly = [f32; TERMS];
-/// The first terms of one.
-pub type Few = [f32; FEW];
-
 /// Energies of a side, the face or the back.
 #[derive(Clone, Debug)]
 pub struct Side {
@@ -75,6 +67,12 @@ pub struct InterYarn {
     pub sides: [Side; 2],
     /// How yarns run, by kind.
     pub(crate) runs: [Runs; 2],
+}
+
+/// Class of the ply that a line hits as the `depth`-th, and whether it hits another behind it.
+#[inline]
+pub fn class(kind: usize, depth: usize, follows: bool) -> usize {
+    CLASSES_A_KIND * kind + 2 * usize::from(depth > 0) + usize::from(follows)
 }
 
 /// v of the nodes; the last one stands for infinite absorption.
@@ -110,32 +108,6 @@ const PER_V: [f32; SIGMAS] = {
     }
     per
 };
-
-/// The polynomials at a direction; z counts as positive.
-#[inline]
-pub fn terms(w: [f32; 3]) -> Poly {
-    let [x, y, z] = w;
-    let z = z.abs();
-    let (d, e) = (x * x - y * y, 2.0 * x * y);
-    [1.0, z, z * z, z * z * z, x, y, x * z, y * z, d, e, d * z, e * z, d * z * z, e * z * z, d * d - e * e, 2.0 * d * e]
-}
-
-/// The terms that energies per caught energy have: they depend little on the direction.
-#[inline]
-pub fn few(t: &Poly) -> Few {
-    [t[0], t[1], t[2], t[3], t[4], t[5], t[8], t[9]]
-}
-
-/// Scalar product.
-#[inline]
-pub fn dot<const T: usize>(a: &[f32; T], b: &[f32; T]) -> f32 {
-    // Lanes apart: the compiler keeps the order of sums.
-    let mut sums = [0.0; 4];
-    for i in 0..T {
-        sums[i % 4] += a[i] * b[i];
-    }
-    (sums[0] + sums[1]) + (sums[2] + sums[3])
-}
 
 impl InterYarn {
     /// Of its sides, of yarns whose warp runs along y.

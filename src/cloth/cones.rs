@@ -18,7 +18,7 @@
 //! symmetric but for cos b and of energy E(a). (Sinkhorn's scaling gives N; q's integral is `v / (2
 //! sqrt(s^2 + v^2))`, by which v is sampled.)
 
-use super::between::{Poly, TERMS, dot, terms};
+use super::terms::{Poly, TERMS, dot, terms};
 use crate::math::simd::{max, min};
 
 /// Nodes of N over the sine, -1 to 1.

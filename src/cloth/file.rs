@@ -1,6 +1,6 @@
 //! Cloth files (`.pwc`): all that shading needs, made once.
 
-use super::between::{CLASSES, CLASSES_A_KIND, FEW, InterYarn, PAIRS, SIGMAS, Side, TERMS};
+use super::between::{CLASSES, CLASSES_A_KIND, InterYarn, PAIRS, SIGMAS, Side};
 use super::cones::{Cone, NORMS};
 use super::far::{COLUMNS, FarData, NODES, OPENING_NUMBERS, VIEWS};
 use super::plies::Runs;
@@ -8,6 +8,7 @@ use super::query::ClothOptions;
 use super::shade::ClothShadows;
 use super::shadow::{self, LANES, ROWS};
 use super::splines::COUNT;
+use super::terms::{FEW, TERMS};
 use super::{ClothCurves, ClothYarn, PlyCurve, color_of};
 use crate::io::{Axis, Check, Document, FileKind, Provenance, Reader, Writer, document, invalid};
 use crate::spec::YarnSpec;

@@ -7,14 +7,14 @@
 //! wi up to the ply models' own asymmetry, and energy is conserved either way (docs/explain/papers.md:
 //! departures from 7.1).
 
-use super::between::{CLASSES_A_KIND, InterYarn};
+use super::between::{CLASSES_A_KIND, InterYarn, class};
 use super::bsdf::{ClothBsdf, MAX_NEAR, NearPly, Passes};
 use super::color_of::of_nodes;
 use super::dye::{ColorReach, own_color};
 use super::far::{self, Far, FarAt, FarData, Mixed};
 use super::gap::ClothGaps;
 use super::lines::{ClothLines, LineHit, LineHits};
-use super::plies::{ClothPlies, class, frame, passes, start};
+use super::plies::{ClothPlies, frame, passes, start};
 use super::query::{ClothOptions, ClothQuery, GapLight, Slits, in_pattern};
 use super::shade::{ClothShade, ClothShadows};
 use super::uneven::Uneven;

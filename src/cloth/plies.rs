@@ -1,6 +1,5 @@
 //! The curves of a cloth with the models of their plies: what a line meets.
 
-use super::between::CLASSES_A_KIND;
 use super::lines::{ClothLines, LineHit};
 use super::{ClothCurves, ClothYarn, Lattice, PlyCurve};
 use crate::math::vec3::{cross, dot};
@@ -163,12 +162,6 @@ impl ClothPlies {
         let kind = self.kind_of[hit.curve as usize];
         self.models[kind].r_d(hit.theta_i, self.scale[kind] * hit.h_um)
     }
-}
-
-/// Class of the ply that a line hits as the `depth`-th, and whether it hits another behind it.
-#[inline]
-pub fn class(kind: usize, depth: usize, follows: bool) -> usize {
-    CLASSES_A_KIND * kind + 2 * usize::from(depth > 0) + usize::from(follows)
 }
 
 /// Start of the line that comes from direction `a` through a point of the middle plane [um].

@@ -46,7 +46,7 @@
 //! | `far_passing`, `far_apertures` | `[330]`, `[330][10]` | what passes; how many apertures stand for those of the cell, and of each of three the rows of `apertures` of its axes and by how much they are turned, in 256ths of a right angle |
 
 use super::ClothModel;
-use super::between::{CLASSES, CLASSES_A_KIND, FEW, PAIRS, SIGMAS, Side, TERMS};
+use super::between::{CLASSES, CLASSES_A_KIND, PAIRS, SIGMAS, Side};
 use super::far;
 use super::file::{CONE_NUMBERS, cone_numbers};
 use super::grid::Entry;
@@ -54,6 +54,7 @@ use super::lines::LineTables;
 use super::plies::{ClothPlies, Runs};
 use super::shadow::{COLUMNS, LANES, ROWS};
 use super::splines::{COUNT, Several};
+use super::terms::{FEW, TERMS};
 use super::uneven::UnevenKind;
 use crate::PlyModel;
 use crate::color::SPECTRUM_NODES;

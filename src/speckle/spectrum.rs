@@ -5,10 +5,8 @@
 //! source at x makes the wave `exp(2 pi i x u / lambda)`. It is stored at the positions 0, step, 2 step, ...;
 //! sources at -x are as many as at x.
 
-use super::field::NoiseField;
 use crate::Result;
 use crate::io::{Check, Reader, Writer, invalid};
-use crate::ply::FibersAround;
 use std::f64::consts::PI;
 
 /// Names of the tensors in a model file.
@@ -54,11 +52,6 @@ impl NoiseSpectrum {
     /// s of the correlation `exp(-q^2 / (2 s^2))` along v for a beam of waist w0 at a wavelength.
     pub fn width_v(lambda_um: f64, w0_um: f64) -> f64 {
         lambda_um / (PI * w0_um)
-    }
-
-    /// The noise around plies with these fibers: the same tables on every machine.
-    pub fn field(&self, around: FibersAround) -> NoiseField {
-        NoiseField::new(self, around)
     }
 
     /// Power of the sources of a kind by their position, none for another kind.

@@ -9,7 +9,8 @@
 use super::domain::{Domain, MAX_QUADS, PitchUsed, outline_share};
 use super::hair_walls::add_hair;
 use super::options::TwinMesh;
-use super::sweep::{ClothMesh, ThreadOfFiber, ring};
+use super::rings::{Loop, Path};
+use super::sweep::{ClothMesh, ring};
 use crate::cloth::{Hair, HairKind, HairRoots};
 use crate::error::SimError;
 use crate::geometry::outline::Outline;
@@ -18,7 +19,7 @@ use crate::simulate::stream;
 use nalgebra::Rotation2;
 use plywave::Error;
 use plywave::cloth::{ClothCurves, Hairs, Lattice, PlyCurve, YarnSet};
-use plywave::math::vec3::{cross, dot, sub, unit};
+use plywave::math::vec3::{cross, unit};
 use plywave::spec::YarnSpec;
 use rand::RngExt;
 use rand_pcg::Pcg64Mcg;
@@ -245,7 +246,7 @@ impl TwinCurves {
     /// The pitch of a loop's fibers, with that of the spec.
     fn pitch(&self, of: &Loop<'_>) -> Option<PitchUsed> {
         let spec_um = self.yarns[of.kind].ply.fiber_pitch_um?;
-        let path = Path::new(self, of, &TwinMesh::default(), self.yarns[of.kind].ply.twist_per_um());
+        let path = Path::new(&self.lattice, of, &TwinMesh::default(), self.yarns[of.kind].ply.twist_per_um());
         let used_um = TAU / path.twist.abs().max(1e-12);
         Some(PitchUsed { family: YarnSet::EACH[of.kind.min(1)], spec_um, used_um })
     }
@@ -419,7 +420,7 @@ impl TwinCurves {
         let mut rng = stream(seed, [u64::MAX, u64::from(number)]);
         let section = section_of(&self.yarns[of.kind], &mut rng)?;
         let begin: f64 = TAU * rng.random::<f64>();
-        let path = Path::new(self, of, options, section.twist_per_um);
+        let path = Path::new(&self.lattice, of, options, section.twist_per_um);
         let count = path.count();
         let turn = path.twist.abs() * path.length_um / count as f64;
         let (low, high) = path.bounds();
@@ -499,147 +500,6 @@ impl TwinCurves {
             }
         }
         Ok(mesh)
-    }
-}
-
-/// A curve with its images along it, closed on the torus of a domain.
-struct Loop<'a> {
-    curve: &'a PlyCurve,
-    /// Index of the curve.
-    index: usize,
-    kind: usize,
-    /// Number of its yarn in the domain, and the one that its color is of.
-    yarn: u32,
-    color: i32,
-    /// Cell in which it starts, and periods of the curve after which it closes.
-    start: [i32; 2],
-    periods: usize,
-}
-
-impl Loop<'_> {
-    /// What a fiber of the loop with this number is of.
-    fn thread(&self, number: u32, second: bool) -> ThreadOfFiber {
-        let (family, spec) = (YarnSet::EACH[self.kind.min(1)], self.kind as u32);
-        ThreadOfFiber { family, yarn: self.yarn, number: self.color, ply: number, spec, second }
-    }
-}
-
-/// Rings along a loop.
-struct Path {
-    points: Vec<V3>,
-    /// Frame without winding, and length up to each ring [um].
-    frames: Vec<[V3; 2]>,
-    arcs: Vec<f64>,
-    /// From the first ring to its next image.
-    way: V3,
-    length_um: f64,
-    /// Turn of the fibers about the frame per length [rad/um], and of the frame over the loop [rad].
-    twist: f64,
-    turned: f64,
-}
-
-/// A ring's frame with the angle of the fibers in it.
-struct Frame {
-    point: V3,
-    u: V3,
-    v: V3,
-    angle: f64,
-    /// An angle that undoes the turn of the frame over the loop, evenly.
-    least: f64,
-}
-
-impl Path {
-    fn new(cloth: &TwinCurves, of: &Loop<'_>, options: &TwinMesh, twist_per_um: f64) -> Path {
-        let (curve, lattice) = (of.curve, &cloth.lattice);
-        let knots = curve.control_um.len();
-        let start = lattice.vector(of.start);
-        let place = |u: f64| {
-            let at = curve.at(lattice, u);
-            let [x, y, z] = at.point_um;
-            ([x + start[0], y + start[1], z], at)
-        };
-        // Rings are closer where the curve bends more.
-        const CELLS: usize = 4;
-        let mut sum = vec![0.0];
-        for i in 0..knots * CELLS {
-            let at = curve.at(lattice, (i as f64 + 0.5) / CELLS as f64);
-            let step = dot(at.d_um, at.d_um).sqrt() / CELLS as f64;
-            let turn = at.curvature_per_um() + twist_per_um.abs();
-            sum.push(sum[i] + step * (turn / options.turn_rad.max(1e-3)).max(1.0 / options.step_um.max(0.1)));
-        }
-        let whole = sum[knots * CELLS];
-        let each = whole.ceil().max(8.0) as usize;
-        let mut cell = 0;
-        let inner: Vec<f64> = (0..each)
-            .map(|k| {
-                let want = whole * k as f64 / each as f64;
-                while cell + 1 < knots * CELLS && sum[cell + 1] <= want {
-                    cell += 1;
-                }
-                (cell as f64 + (want - sum[cell]) / (sum[cell + 1] - sum[cell])) / CELLS as f64
-            })
-            .collect();
-        let parameters = (0..of.periods).flat_map(|p| inner.iter().map(move |u| u + (p * knots) as f64));
-        let (mut points, mut tangents): (Vec<V3>, Vec<V3>) =
-            parameters.map(place).map(|(p, at)| (p, unit(at.d_um))).unzip();
-        let v = lattice.vector(curve.shift);
-        let way = [v[0] * of.periods as f64, v[1] * of.periods as f64, 0.0];
-        // The first ring again, at the end.
-        points.push(std::array::from_fn(|k| points[0][k] + way[k]));
-        tangents.push(tangents[0]);
-        // Two reflections from ring to ring.
-        let reflected = |w: V3, by: V3| -> V3 {
-            let scale = 2.0 * dot(by, w) / dot(by, by).max(1e-300);
-            std::array::from_fn(|k| w[k] - scale * by[k])
-        };
-        let t = tangents[0];
-        let start = unit(cross(if t[2].abs() < 0.9 { [0.0, 0.0, 1.0] } else { [1.0, 0.0, 0.0] }, t));
-        let mut frames = vec![[start, cross(t, start)]];
-        let mut arcs = vec![0.0];
-        for i in 0..points.len() - 1 {
-            let step = sub(points[i + 1], points[i]);
-            let (u, along) = (reflected(frames[i][0], step), reflected(tangents[i], step));
-            let u = unit(reflected(u, sub(tangents[i + 1], along)));
-            frames.push([u, cross(tangents[i + 1], u)]);
-            arcs.push(arcs[i] + dot(step, step).sqrt());
-        }
-        let length_um = arcs[arcs.len() - 1];
-        let [u, _] = frames[frames.len() - 1];
-        let turned = dot(u, frames[0][1]).atan2(dot(u, frames[0][0]));
-        // Frame and winding together make whole turns.
-        let twist = (TAU * ((twist_per_um * length_um + turned) / TAU).round() - turned) / length_um;
-        Path { points, frames, arcs, way, length_um, twist, turned }
-    }
-
-    /// Rings of the loop, the first counted once.
-    fn count(&self) -> usize {
-        self.points.len() - 1
-    }
-
-    /// Ring `k - 1`: 0 is the last of the loop before, and one beyond the loop's own end is the second again.
-    fn frame(&self, k: usize) -> Frame {
-        let count = self.count();
-        let (at, loops) = match k {
-            0 => (count - 1, -1.0),
-            k if k - 1 <= count => (k - 1, 0.0),
-            k => (k - 1 - count, 1.0),
-        };
-        let point = std::array::from_fn(|i| self.points[at][i] + loops * self.way[i]);
-        // A loop further the frame has turned, and the fibers in it.
-        let angle = self.twist * self.arcs[at] + loops * (self.twist * self.length_um + self.turned);
-        let least = -self.turned * self.arcs[at] / self.length_um;
-        Frame { point, u: self.frames[at][0], v: self.frames[at][1], angle, least }
-    }
-
-    fn bounds(&self) -> (V3, V3) {
-        let of = |pick: fn(f64, f64) -> f64, from: f64| {
-            std::array::from_fn(|k| self.points.iter().map(|p| p[k]).fold(from, pick))
-        };
-        (of(f64::min, f64::INFINITY), of(f64::max, f64::NEG_INFINITY))
-    }
-
-    fn longest_um(&self) -> f64 {
-        self.arcs.windows(2).map(|a| a[1] - a[0]).fold(0.0, f64::max)
     }
 }
 

@@ -15,6 +15,7 @@ mod domain;
 mod hair_walls;
 mod job;
 mod options;
+mod rings;
 mod shard;
 mod sweep;
 #[cfg(test)]
