@@ -11,6 +11,7 @@ from ._files import Document, Speckle, Table
 from ._fiber import Fiber
 from ._model import Model
 from ._plywave import Error
+from ._results import Place
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -43,7 +44,7 @@ def plot(
         source: What to draw.
         table: With a model: the table to set beside it, with the residual.
         part: Of models and tables: "all", "maps" of f over the outgoing sphere, the "energy" budget, "errors" of the fit (of a table its noise), or "noise" (of a
-            model with speckle: an instance beside the smooth f).
+            model with speckle: a place beside the smooth f).
         theta_i: One incidence: latitude [rad], to the nearest node of a table; by default an overview.
         h_rel: One incidence: offset of the beam's center over the last node of h.
         sigma_per_um: Absorptions [1/um]; the nearest of a table. By default 0 in maps, and one that takes a third of the light in the budget.
@@ -273,10 +274,10 @@ def _noise(model: Model, theta_i: float, decades: float) -> "Figure":
     w = _directions(0.5 * (theta[1:] + theta[:-1])[:, None], 0.5 * (phi[1:] + phi[:-1])[None, :])
     figure = _figure(10.0, 3.6)
     figure.suptitle(f"{model._words}: {model.name}, speckle at 0.55 um")
-    maps = [model.eval(theta_i, 0.0, w, 0.0, edge=False, instance=k)[..., 0] for k in (None, 1)]
+    maps = [model.eval(theta_i, 0.0, w, 0.0, edge=False, place=place, relief=False)[..., 0] for place in (None, Place(0))]
     top = float(maps[0].max()) or 1.0
     axes = figure.subplots(1, 2, sharey=True)
-    for axis, values, name in zip(axes, maps, ("smooth", "one instance")):
+    for axis, values, name in zip(axes, maps, ("smooth", "one place")):
         image = axis.pcolormesh(np.degrees(phi), np.degrees(theta), np.maximum(values, top * 10.0**-decades), norm=LogNorm(top * 10.0**-decades, top), rasterized=True)
         axis.set_title(f"f [1/sr], {name}", fontsize=8)
         axis.set_xlabel("phi_o [deg]", fontsize=7)

@@ -20,7 +20,7 @@ class Curves(Lines, Tables):
     def __init__(self, kit, tensors):
         Tables.__init__(self, kit, tensors)
         self.top, self.largest = map(float, tensors["scalars"][:2])
-        self.twist, self.along = kit.floats(tensors["twist"]), kit.floats(tensors["along"])
+        self.twist, self.way = kit.floats(tensors["twist"]), kit.floats(tensors["along"])
         self.options = dict(zip(("speckle", "layers", "shadowing", "edges"), (v > 0.5 for v in tensors["options"])))
         self.along_y = [bool(row[0] > 0.5) for row in tensors["kind"]]
         self.kinds, self.scale = len(self.along_y), [float(row[1]) for row in tensors["kind"]]
@@ -74,7 +74,7 @@ class Curves(Lines, Tables):
         up = wo[2] - z * (wo[0] * x + wo[1] * y + wo[2] * z)
         azimuth = dr.atan2(y * wo[0] - x * wo[1], up) - kit.take(self.twist, curve) * hit["parameter"]
         i, j = (kit.float(kit.int(c + o)) for c, o in zip(hit["cells"], corner))
-        step, a, b = (kit.take(self.along, curve * 3 + k) for k in range(3))
+        step, a, b = (kit.take(self.way, curve * 3 + k) for k in range(3))
         return ply if kit.jit else ply & 0xFFFFFFFF, azimuth, step * hit["parameter"] + (a * i + b * j), footprint_um
 
     # Shadows
