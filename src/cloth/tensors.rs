@@ -111,7 +111,13 @@ impl ClothModel {
         let reliefs = self.plies.models.iter().flat_map(|model| model.relief().map_or([0.0; 6], Relief::numbers));
         f32s("relief", &[kinds, 6], reliefs.collect());
         f32s("twist", &[self.plies.twist.len()], self.plies.twist.clone());
-        f32s("along", &[self.plies.along_um.len(), 3], self.plies.along_um.as_flattened().to_vec());
+        // The vectors of the tables in those of the plies' cell.
+        let vectors = self.lines().cell().1;
+        let along = self.plies.along_um.iter().flat_map(|[step, a, b]| {
+            let [first, second] = vectors.map(|[i, j]| i as f32 * a + j as f32 * b);
+            [*step, first, second]
+        });
+        f32s("along", &[self.plies.along_um.len(), 3], along.collect());
         f32s("dye_rgb", &[dyes.len(), 3], dyes.iter().flat_map(|d| d.0).collect());
         f32s("dye_spectrum", &[dyes.len(), SPECTRUM_NODES], dyes.iter().flat_map(|d| d.1).collect());
         f32s("curve", &[curve.len(), 2], curve.iter().flat_map(|(v, value)| [*v as f32, *value as f32]).collect());
@@ -165,9 +171,8 @@ impl ClothModel {
             let knots = self.lines().knots(curve);
             let yarn = &self.plies.yarns[self.plies.of_curve[curve] as usize];
             let kind = self.plies.kind_of[curve] as u32;
-            let steps = self.lines().cell().1;
             let [a, b] =
-                steps.map(|by| yarn.step[0].wrapping_mul(by[0]).wrapping_add(yarn.step[1].wrapping_mul(by[1])));
+                vectors.map(|by| yarn.step[0].wrapping_mul(by[0]).wrapping_add(yarn.step[1].wrapping_mul(by[1])));
             let [number, a, b] = [yarn.number, a, b].map(|n| n as u32);
             of.extend([kind, first, places, number, a, b, curve as u32, knots as u32]);
             per_knot.push(places as f32 / knots as f32);
