@@ -18,6 +18,7 @@ mod far_views;
 mod file;
 mod gap;
 mod grid;
+mod hair_layer;
 mod hairs;
 mod lattice;
 mod layers;
@@ -66,13 +67,16 @@ pub use wif::{Wif, WifNote, WifNoteKind, WifSpacing};
 /// What `plywave_sim::cloth` makes cloths of; a host needs nothing from here.
 #[doc(hidden)]
 pub mod making {
-    pub use super::between::{CLASSES, CLASSES_A_KIND, InterYarn, PAIRS, SIGMA_PER_UM, SIGMAS, Side, class};
+    pub use super::between::{
+        CLASSES, CLASSES_A_KIND, InterYarn, PAIRS, SIGMA_PER_UM, SIGMAS, Side, class, class_of_hairs,
+    };
     pub use super::brightness::albedo;
     pub use super::color_of::NODES as ALBEDO_NODES;
     pub use super::cones::{Cone, NORMS};
     pub use super::far::FarData;
     pub use super::far_views::{FarView, far_view};
-    pub use super::plies::{ClothPlies, frame, start};
+    pub use super::hair_layer::{HAIR_AZIMUTHS, HAIR_COSINES, HAIR_NODES, HairLayer, azimuth, once, once_through};
+    pub use super::plies::{ClothPlies, beyond, frame, start};
     pub use super::shade::{ClothShade, ClothShadows, is_own};
     pub use super::shadow::{
         AxisAt, BANDS, COLUMNS, LANES, MAX_SHARE, OFFSETS, ROWS, SIZE as SHADOW_BYTES, Toward, exit, z_of,

@@ -11,9 +11,9 @@ use plywave::{Bsdf, BsdfSample, FiberBsdf, PlyBsdf};
 /// Largest number of wavelengths or channels of a query.
 pub const PLYWAVE_MAX_COUNT: usize = 4;
 
-/// Size of a prepared query in 64-bit words, without its tag: 9.5 KB with the tag, the size of the largest, a
+/// Size of a prepared query in 64-bit words, without its tag: 11 KB with the tag, the size of the largest, a
 /// cloth at four wavelengths.
-pub const PLYWAVE_BSDF_WORDS: usize = 1296;
+pub const PLYWAVE_BSDF_WORDS: usize = 1392;
 
 /// A model at a query. The caller provides the memory, usually on the stack; the library writes and reads its
 /// content. It owns nothing and needs no release; it may be copied, moved, and read by many threads. It is

@@ -124,6 +124,7 @@ def test_lines_hit_what_they_hit_in_the_library(name, share, file):
         ("organza", {"relief": False, "edges": False}, 1e-2),
         ("hopsack", {"relief": False, "layers": False, "shadowing": False}, 1e-2),
         ("jersey", {}, 1.5e-2),
+        ("flannel", {"relief": False}, 1e-2),
         ("mixed", {}, 1.5e-2),
     ],
 )
@@ -183,7 +184,7 @@ def test_speckle_is_the_librarys(variant, file):
     assert abs(got.mean(dtype=np.float64) / f.mean(dtype=np.float64) - 1.0) < 1e-3
 
 
-@pytest.mark.parametrize("name", ["jersey", "organza", "mixed"])
+@pytest.mark.parametrize("name", ["jersey", "organza", "mixed", "flannel"])
 def test_far_view_is_the_librarys(name, file):
     """The mean over the cell, and between it and the point; of absorptions that textures give, too."""
     at = queries(4, 20_000)
@@ -213,6 +214,8 @@ def test_far_view_is_the_librarys(name, file):
         ("organza", {"far": True, "footprint_um": 400.0}, (0.3, 0.2, 0.9), PLACE),
         ("organza", {"far": True, "footprint_um": 1e5}, (0.8, 0.1, 0.2), PLACE),
         ("jersey", {"far": True, "footprint_um": 1e5, "gaps": "straight"}, (0.3, 0.2, 0.9), PLACE),
+        ("flannel", {}, (0.3, 0.2, 0.9), PLACE),
+        ("flannel", {}, (0.3, 0.8, -0.2), PLACE),
         # A weft with slits on top, of one layer.
         ("mixed", {}, (0.8, 0.1, 0.6), (0.0, 90.0)),
     ],
@@ -230,6 +233,7 @@ FAR = {"far": True, "footprint_um": 400.0}
         ("jersey", {"gaps": "diffracted"}),
         ("organza", {}),
         ("mixed", {}),
+        ("flannel", {}),
         ("organza", FAR),
         ("organza", {**FAR, "gaps": "diffracted"}),
         ("organza", {**FAR, "footprint_um": 1e5}),

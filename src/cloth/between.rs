@@ -7,8 +7,8 @@
 //! apart for
 //!
 //! - the face and the back, from which the light comes,
-//! - the class of the first ply: its kind of yarn, whether it is the first on the line, whether another
-//!   follows,
+//! - the class of what scatters first: its kind of yarn, whether it is the first ply on the line, whether
+//!   another follows; or a hair,
 //! - the half of the sphere, of the cloth's normal, into which the first ply sends the light: what yarns
 //!   beside it catch, and what the layer below catches,
 //! - the half in which the light leaves the cloth at last,
@@ -38,10 +38,13 @@ const LENGTH_UM: f32 = 150.0;
 const ABOUT_CONES: f32 = 0.2;
 /// Pairs of absorptions.
 pub const PAIRS: usize = SIGMAS * SIGMAS;
-/// Classes of a first ply: its kind of yarn, whether it is the first on the line, whether another follows.
+/// Classes of what scatters light first: its kind of yarn; of a ply, whether it is the first on the line and
+/// whether another follows; or a hair.
 pub const CLASSES: usize = 2 * CLASSES_A_KIND;
 /// Of one kind.
-pub const CLASSES_A_KIND: usize = 4;
+pub const CLASSES_A_KIND: usize = 6;
+/// Of these, those of plies, which are the first ones.
+pub const PLY_CLASSES: usize = 4;
 /// Energies of a side, the face or the back.
 #[derive(Clone, Debug)]
 pub struct Side {
@@ -75,6 +78,13 @@ pub fn class(kind: usize, depth: usize, follows: bool) -> usize {
     CLASSES_A_KIND * kind + 2 * usize::from(depth > 0) + usize::from(follows)
 }
 
+/// Class of hairs of a kind, on the side that the light comes from or, of light that passes all plies, on
+/// the other.
+#[inline]
+pub fn class_of_hairs(kind: usize, is_behind: bool) -> usize {
+    CLASSES_A_KIND * kind + PLY_CLASSES + usize::from(is_behind)
+}
+
 /// v of the nodes; the last one stands for infinite absorption.
 const V: [f32; SIGMAS] = {
     let mut v = [0.0; SIGMAS];
@@ -88,7 +98,7 @@ const V: [f32; SIGMAS] = {
 
 /// Node below an absorption and the fraction to the next.
 #[inline(always)]
-fn node_of(sigma: f32) -> (usize, f32) {
+pub(crate) fn node_of(sigma: f32) -> (usize, f32) {
     let sigma = min(max(sigma, 0.0), 1e6);
     let v = 1.0 / (1.0 + sigma * LENGTH_UM);
     let mut node = 0;

@@ -7,8 +7,9 @@
 //! that the line meets or by the aperture of the gap. All directions are those of the pattern, which may be
 //! turned about the surface's normal.
 
-use super::between::{BetweenAt, CLASSES_A_KIND};
+use super::between::{BetweenAt, CLASSES_A_KIND, PLY_CLASSES};
 use super::far::{FarAt, SIGMAS, Seen};
+use super::hair_layer::HairsAt;
 use super::query::{to_pattern, to_surface};
 use super::shade::ClothShade;
 use super::shadow::Toward;
@@ -156,6 +157,8 @@ pub struct ClothBsdf<'a, const N: usize> {
     pub(crate) main: Option<NearPly<'a, N>>,
     pub(crate) prepared: Prepared<N>,
     pub(crate) others: [Option<NearPly<'a, N>>; MAX_NEAR],
+    /// The hairs over the cloth.
+    pub(crate) hairs: Option<HairsAt<'a, N>>,
     pub(crate) passes: Passes<'a, N>,
     /// Energy that passes all plies.
     pub(crate) passing: f32,
@@ -179,6 +182,7 @@ impl<'a, const N: usize> ClothBsdf<'a, N> {
             main: None,
             prepared: Prepared::Nothing,
             others: [const { None }; MAX_NEAR],
+            hairs: None,
             passes: Passes::Straight,
             passing: 1.0,
             between: BetweenAt::none([0.0; 3]),
@@ -239,20 +243,25 @@ impl<const N: usize> ClothBsdf<'_, N> {
         let mean = |x: &[f32; N]| x.iter().sum::<f32>() / N.max(1) as f32;
         let root_mean_square = |x: &[f32; N]| (x.iter().map(|x| x * x).sum::<f32>() / N.max(1) as f32).sqrt();
         let between = self.between.energy.map(|e| FOR_SHADOWS * root_mean_square(&e));
-        let mut plies = [0.0; N];
+        let (mut plies, mut hairs_too) = ([0.0; N], [0.0; N]);
         let mut add = |arrives: f32, energy: &[f32; N]| (0..N).for_each(|k| plies[k] += arrives * energy[k]);
         if let Some(p) = &self.main {
             add(p.arrives, &p.energy);
         }
         self.others.iter().flatten().for_each(|p| add(p.arrives, &p.energy));
+        (0..N).for_each(|k| hairs_too[k] += plies[k]);
+        if let Some(hairs) = &self.hairs {
+            hairs.energies().as_flattened().iter().for_each(|energy| (0..N).for_each(|k| hairs_too[k] += energy[k]));
+        }
         let direct = root_mean_square(&std::array::from_fn(|k| {
-            let m = (1.0 - self.between.caught[k] / plies[k].max(f32::MIN_POSITIVE)).max(MIN_FREE);
+            let m = (1.0 - self.between.caught[k] / hairs_too[k].max(f32::MIN_POSITIVE)).max(MIN_FREE);
             // m^(3/4).
             plies[k] * (m * m.sqrt()).sqrt()
         }));
         let passing = if matches!(self.passes, Passes::Straight) { 0.0 } else { self.passing };
         // Straight light is the rest.
-        let all = direct + between[0] + between[1] + self.passing;
+        let hairs = self.hairs.as_ref().map_or([0.0; 2], |hairs| hairs.out().map(|out| root_mean_square(&out)));
+        let all = direct + between[0] + between[1] + hairs[0] + hairs[1] + self.passing;
         let per = if all > 0.0 { 1.0 / all } else { 0.0 };
         let plies = mean(&plies);
         let per_ply = if plies > 0.0 { per * direct / plies } else { 0.0 };
@@ -261,6 +270,9 @@ impl<const N: usize> ClothBsdf<'_, N> {
         }
         for p in self.others.iter_mut().flatten() {
             p.chance = per_ply * p.arrives * mean(&p.energy);
+        }
+        if let Some(of) = &mut self.hairs {
+            of.set_chances(hairs.map(|hairs| per * hairs));
         }
         self.chances = [per * passing, per * between[0], per * between[1]];
     }
@@ -302,8 +314,7 @@ impl<const N: usize> ClothBsdf<'_, N> {
     /// f and density of the point alone.
     #[inline]
     fn near(&self, b: [f32; 3], known: Option<(usize, LobeLight<N>)>) -> ([f32; N], f32) {
-        let (mut f, mut pdf) = (self.between.eval(b), self.between_pdf(b));
-        self.passing(b, &mut f, &mut pdf);
+        let (mut f, mut pdf) = ([0.0; N], self.between_pdf(b));
         if let Some(ply) = &self.main {
             match &known {
                 Some((0, light)) => ply.add(b, to_ply(&ply.frame, b), light, &mut f, &mut pdf),
@@ -317,6 +328,15 @@ impl<const N: usize> ClothBsdf<'_, N> {
                 _ => ply.eval_pdf(&Prepared::Nothing, b, &mut f, &mut pdf),
             }
         }
+        if let Some(hairs) = &self.hairs {
+            let free = hairs.free(b);
+            f.iter_mut().for_each(|f| *f *= free);
+            hairs.add(b, &mut f);
+            pdf += hairs.pdf(b);
+        }
+        let between = self.between.eval(b);
+        (0..N).for_each(|k| f[k] += between[k]);
+        self.passing(b, &mut f, &mut pdf);
         (f, pdf)
     }
 
@@ -349,6 +369,12 @@ impl<const N: usize> ClothBsdf<'_, N> {
             }
             remaining -= ply.chance;
         }
+        if let Some(hairs) = &self.hairs {
+            if remaining < hairs.chance() {
+                return Some((hairs.draw([remaining, u[1], u[2]]), None));
+            }
+            remaining -= hairs.chance();
+        }
         for (i, chance) in self.chances.into_iter().enumerate() {
             if remaining >= chance {
                 remaining -= chance;
@@ -373,7 +399,7 @@ impl ClothBsdf<'_, SIGMAS> {
     pub(crate) fn seen(&self, kind: usize, lights: &[Toward]) -> Seen {
         let mut seen = Seen {
             f: vec![[0.0; SIGMAS]; lights.len()],
-            first: [[0.0; SIGMAS]; CLASSES_A_KIND],
+            first: [[0.0; SIGMAS]; PLY_CLASSES],
             passing: self.passing,
             opening: self.opening,
         };
@@ -408,7 +434,7 @@ impl<const N: usize> Bsdf<N> for ClothBsdf<'_, N> {
         if self.far.is_some() {
             return self.sum(b, None).1;
         }
-        let mut pdf = self.between_pdf(b);
+        let mut pdf = self.between_pdf(b) + self.hairs.as_ref().map_or(0.0, |hairs| hairs.pdf(b));
         self.passing(b, &mut [0.0; N], &mut pdf);
         pdf += self.main.as_ref().map_or(0.0, |ply| ply.pdf(&self.prepared, b));
         pdf + self.others.iter().flatten().map(|ply| ply.pdf(&Prepared::Nothing, b)).sum::<f32>()
@@ -442,8 +468,10 @@ impl<const N: usize> Bsdf<N> for ClothBsdf<'_, N> {
         let mut albedo = if matches!(self.passes, Passes::Straight) { [0.0; N] } else { [self.passing; N] };
         let lit = |energy: &[f32; N], arrives: f32, k: usize| arrives * energy[k];
         for k in 0..N {
-            let plies = self.main.iter().map(|p| lit(&p.energy, p.arrives, k)).sum::<f32>()
-                + self.others.iter().flatten().map(|p| lit(&p.energy, p.arrives, k)).sum::<f32>();
+            let plies =
+                self.hairs.iter().flat_map(|hairs| hairs.energies()).flatten().map(|energy| energy[k]).sum::<f32>()
+                    + self.main.iter().map(|p| lit(&p.energy, p.arrives, k)).sum::<f32>()
+                    + self.others.iter().flatten().map(|p| lit(&p.energy, p.arrives, k)).sum::<f32>();
             albedo[k] +=
                 (plies - self.between.caught[k]).max(0.0) + self.between.energy[0][k] + self.between.energy[1][k];
             if let Some((far, share)) = &self.far {
@@ -461,6 +489,7 @@ impl<const N: usize> Bsdf<N> for ClothBsdf<'_, N> {
 
     fn outcomes(&self) -> Outcomes {
         let scattered = self.chances.iter().sum::<f32>()
+            + self.hairs.as_ref().map_or(0.0, HairsAt::chance)
             + self.main.iter().map(|p| p.chance).sum::<f32>()
             + self.others.iter().flatten().map(|p| p.chance).sum::<f32>();
         let far = self.far.as_ref().map_or(0.0, |(far, share)| share * (far.scattered() - scattered));

@@ -7,12 +7,14 @@
 //! the cloth's own f (`bsdf.rs`), its shadows included, at places spread evenly over the cell, at nodes of
 //! absorption; between the nodes they are linear. The light between yarns is that of the mean energies
 //! (`between.rs`), which are a function of the direction to begin with. What passes all plies is diffracted
-//! by a few apertures that stand for those of the cell.
+//! by a few apertures that stand for those of the cell. The tables are of a cloth without hairs, whose layer
+//! (`hair_layer.rs`) is added to the mean.
 //!
 //! Energies are those of the means, in as far as the table's integrals are; sim/tests/it/cloth_model.rs has
 //! them beside the mean of many places. The mean is as reciprocal as the cloth.
 
-use super::between::{BetweenAt, CLASSES, CLASSES_A_KIND};
+use super::between::{BetweenAt, CLASSES, CLASSES_A_KIND, PLY_CLASSES};
+use super::hair_layer::HairsAt;
 use super::plies::Runs;
 use super::query::ClothQuery;
 use crate::gap::{GapAt, Opening};
@@ -169,7 +171,7 @@ pub(crate) struct Seen {
     /// `[direction][node of absorption]`: f of the plies of the kind.
     pub f: Vec<[f32; SIGMAS]>,
     /// `[class of the kind][node]`: energies that its first plies scatter.
-    pub first: [[f32; SIGMAS]; CLASSES_A_KIND],
+    pub first: [[f32; SIGMAS]; PLY_CLASSES],
     /// Energy that passes all plies, and the aperture that it passes, in a gap.
     pub passing: f32,
     pub opening: Option<Opening>,
@@ -185,7 +187,7 @@ struct Plies {
     /// `[view][SIGMAS]`: integral of f.
     energy: Vec<[f32; SIGMAS]>,
     /// `[view][class of the kind][SIGMAS]`.
-    first: Vec<[[f32; SIGMAS]; CLASSES_A_KIND]>,
+    first: Vec<[[f32; SIGMAS]; PLY_CLASSES]>,
 }
 
 /// The mean of a cloth.
@@ -211,7 +213,7 @@ pub struct FarData {
     /// `[kind][view][column][q][SIGMAS]`.
     pub(crate) f: Vec<[f32; SIGMAS]>,
     /// `[kind][view][class of the kind][SIGMAS]`.
-    pub(crate) first: Vec<[[f32; SIGMAS]; CLASSES_A_KIND]>,
+    pub(crate) first: Vec<[[f32; SIGMAS]; PLY_CLASSES]>,
     /// `[view]` of the first kind.
     pub(crate) passing: Vec<f32>,
     /// `[view]` of the first kind.
@@ -322,7 +324,7 @@ impl Far {
             for (view, share) in views.into_iter().zip(shares) {
                 for n in 0..N {
                     at.energy[k][n] += share * dot(&plies.energy[view], &sigma[k][n]);
-                    for class in 0..CLASSES_A_KIND {
+                    for class in 0..PLY_CLASSES {
                         at.first[CLASSES_A_KIND * k + class][n] += share * dot(&plies.first[view][class], &sigma[k][n]);
                     }
                 }
@@ -450,6 +452,11 @@ pub(crate) struct FarAt<'a, const N: usize> {
     /// Energy that passes all plies, and the apertures that diffract it; straight on without.
     pub passing: f32,
     pub gaps: [Option<GapAt<'a, N>>; APERTURES],
+    /// The hairs over the cloth, and the share of the beam that passes them to the plies.
+    hairs: Option<HairsAt<'a, N>>,
+    free: f32,
+    /// Energies that first plies and hairs scatter.
+    first: [f32; N],
     /// Chances of warp and weft, light between yarns that leaves up and down, diffracted light; the rest goes
     /// straight on.
     chances: [f32; 5],
@@ -459,16 +466,23 @@ impl<'a, const N: usize> FarAt<'a, N> {
     pub(crate) fn new(
         plies: PliesAt<'a, N>,
         between: BetweenAt<'a, N>,
-        passing: f32,
-        gaps: [Option<GapAt<'a, N>>; APERTURES],
+        (passing, gaps): (f32, [Option<GapAt<'a, N>>; APERTURES]),
+        mut hairs: Option<HairsAt<'a, N>>,
+        first: [f32; N],
     ) -> Self {
+        let free = hairs.as_ref().map_or(1.0, HairsAt::passes);
         let mean = |x: &[f32; N]| x.iter().sum::<f32>() / N.max(1) as f32;
-        let [warp, weft] = plies.energy.map(|e| mean(&e));
+        let [warp, weft] = plies.energy.map(|e| free * mean(&e));
         let [up, down] = between.energy.map(|e| mean(&e));
-        let all = warp + weft + up + down + passing;
+        let of_hairs = hairs.as_ref().map_or([0.0; 2], |hairs| hairs.out().map(|out| mean(&out)));
+        let all = warp + weft + up + down + of_hairs[0] + of_hairs[1] + passing;
         let per = if all > 0.0 { 1.0 / all } else { 0.0 };
         let diffracted = if gaps.iter().flatten().next().is_some() { passing } else { 0.0 };
-        FarAt { plies, between, passing, gaps, chances: [warp, weft, up, down, diffracted].map(|e| e * per) }
+        if let Some(hairs) = &mut hairs {
+            hairs.set_chances(of_hairs.map(|e| e * per));
+        }
+        let chances = [warp, weft, up, down, diffracted].map(|e| e * per);
+        FarAt { plies, between, passing, gaps, hairs, free, first, chances }
     }
 
     fn is_diffracted(&self) -> bool {
@@ -477,7 +491,7 @@ impl<'a, const N: usize> FarAt<'a, N> {
 
     /// Chance of a direction.
     pub(crate) fn scattered(&self) -> f32 {
-        self.chances.iter().sum::<f32>().min(1.0)
+        (self.chances.iter().sum::<f32>() + self.hairs.as_ref().map_or(0.0, HairsAt::chance)).min(1.0)
     }
 
     pub(crate) fn straight(&self) -> f32 {
@@ -486,16 +500,25 @@ impl<'a, const N: usize> FarAt<'a, N> {
 
     pub(crate) fn albedo(&self, k: usize) -> f32 {
         let diffracted = if self.is_diffracted() { self.passing } else { 0.0 };
-        self.plies.energy[0][k]
-            + self.plies.energy[1][k]
-            + self.between.energy[0][k]
-            + self.between.energy[1][k]
-            + diffracted
+        let plies = match self.hairs {
+            // Hairs catch of the light that the table has.
+            Some(_) => (self.first[k] - self.between.caught[k]).max(0.0),
+            None => self.plies.energy[0][k] + self.plies.energy[1][k],
+        };
+        plies + self.between.energy[0][k] + self.between.energy[1][k] + diffracted
     }
 
     pub(crate) fn add(&self, b: [f32; 3], share: f32, f: &mut [f32; N], pdf: &mut f32) {
-        let (mut own, mut density) = (self.between.eval(b), self.between.pdf([self.chances[2], self.chances[3]], b));
+        let (mut own, mut density) = ([0.0; N], self.between.pdf([self.chances[2], self.chances[3]], b));
         self.plies.add(b, [self.chances[0], self.chances[1]], &mut own, &mut density);
+        if let Some(hairs) = &self.hairs {
+            let free = self.free * hairs.free(b);
+            own.iter_mut().for_each(|f| *f *= free);
+            hairs.add(b, &mut own);
+            density += hairs.pdf(b);
+        }
+        let between = self.between.eval(b);
+        (0..N).for_each(|k| own[k] += between[k]);
         let count = self.gaps.iter().flatten().count();
         for gap in self.gaps.iter().flatten() {
             let (light, gap_pdf) = gap.conserved(b);
@@ -509,6 +532,12 @@ impl<'a, const N: usize> FarAt<'a, N> {
     /// A direction; none where light goes straight on.
     pub(crate) fn draw(&self, u: [f32; 3]) -> Option<[f32; 3]> {
         let mut remaining = u[0];
+        if let Some(hairs) = &self.hairs {
+            if remaining < hairs.chance() {
+                return Some(hairs.draw([remaining, u[1], u[2]]));
+            }
+            remaining -= hairs.chance();
+        }
         for (i, chance) in self.chances.into_iter().enumerate() {
             if remaining >= chance {
                 remaining -= chance;

@@ -1,7 +1,7 @@
 //! The making of the mean of a cloth over its cell: views of it at places of the cell.
 
 use super::Channels;
-use super::between::CLASSES_A_KIND;
+use super::between::PLY_CLASSES;
 use super::far::{
     APERTURES, COLUMNS, FarData, NODES, SIGMA_PER_UM, SIGMAS, Seen, VIEWS, angles, direction, theta_of, view,
 };
@@ -19,7 +19,7 @@ const LATTICE: usize = 144;
 /// What one view sees of one kind of yarn, mean over the places of the cell.
 pub struct FarView {
     f: Vec<[f32; SIGMAS]>,
-    first: [[f32; SIGMAS]; CLASSES_A_KIND],
+    first: [[f32; SIGMAS]; PLY_CLASSES],
     passing: f32,
     openings: Vec<Opening>,
 }
@@ -40,7 +40,7 @@ pub fn far_view(cloth: &ClothModel, number: usize) -> FarView {
         .collect();
     let mut seen = FarView {
         f: vec![[0.0; SIGMAS]; lights.len()],
-        first: [[0.0; SIGMAS]; CLASSES_A_KIND],
+        first: [[0.0; SIGMAS]; PLY_CLASSES],
         passing: 0.0,
         openings: Vec::new(),
     };

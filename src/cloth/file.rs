@@ -1,8 +1,9 @@
 //! Cloth files (`.pwc`): all that shading needs, made once.
 
-use super::between::{CLASSES, CLASSES_A_KIND, InterYarn, PAIRS, SIGMAS, Side};
+use super::between::{CLASSES, InterYarn, PAIRS, PLY_CLASSES, SIGMAS, Side};
 use super::cones::{Cone, NORMS};
 use super::far::{COLUMNS, FarData, NODES, OPENING_NUMBERS, VIEWS};
+use super::hair_layer::{HAIR_AZIMUTHS, HAIR_COSINES, HairLayer};
 use super::plies::Runs;
 use super::query::ClothOptions;
 use super::shade::ClothShadows;
@@ -43,6 +44,9 @@ pub struct ClothData {
     /// The light between its plies.
     #[doc(hidden)]
     pub between: InterYarn,
+    /// The hairs over its sides.
+    #[doc(hidden)]
+    pub hairs: Option<HairLayer>,
     /// By node of absorption of both kinds alike, of clear fibers first: scattered light of all orders over
     /// the light that meets fibers, under light from everywhere.
     #[doc(hidden)]
@@ -144,6 +148,9 @@ fn rows<const F: usize>(values: Vec<f32>) -> Vec<[f32; F]> {
     values.as_chunks::<F>().0.to_vec()
 }
 
+/// Of `hair_scatter`: kind, view, light, azimuth, absorption.
+const HAIR_SHAPE: [usize; 5] = [2, HAIR_COSINES, 2 * HAIR_COSINES, HAIR_AZIMUTHS, SIGMAS];
+
 /// Numbers of a cone: width, energy, norm.
 pub(super) const CONE_NUMBERS: usize = 1 + TERMS + NORMS;
 
@@ -173,6 +180,8 @@ impl Document for ClothData {
             "between_shape",
             "between_parallel",
             "between_cones",
+            "hair_area",
+            "hair_scatter",
             "albedo",
             "far_f",
             "far_first",
@@ -235,12 +244,17 @@ impl Document for ClothData {
         let parallel = of(&|s| s.parallel.as_flattened().as_flattened().to_vec());
         w.f32("between_parallel", &[2, CLASSES, 2, 2, SIGMAS, FEW], parallel.into_iter());
         w.f32("between_cones", &[2, 2, 2, CONE_NUMBERS], of(&|s| cone_numbers(s)).into_iter());
+        if let Some(hairs) = &self.hairs {
+            let area = hairs.area.as_flattened().as_flattened().iter().copied();
+            w.f32("hair_area", &[2, 2, HAIR_COSINES], area);
+            w.f32("hair_scatter", &HAIR_SHAPE, hairs.scatter.as_flattened().iter().copied());
+        }
         w.f64("albedo", &[color_of::NODES], &self.albedo);
         if let Some(far) = &self.far {
             let kinds = self.kinds();
             w.f16("far_f", &[kinds, VIEWS, COLUMNS, NODES, SIGMAS], far.f.as_flattened().iter().copied());
             let first = far.first.as_flattened().as_flattened().iter().copied();
-            w.f32("far_first", &[kinds, VIEWS, CLASSES_A_KIND, SIGMAS], first);
+            w.f32("far_first", &[kinds, VIEWS, PLY_CLASSES, SIGMAS], first);
             w.f32("far_passing", &[VIEWS], far.passing.iter().copied());
             let openings = FarData::opening_numbers(&far.openings).into_iter().map(|n| n as f32);
             w.f32("far_openings", &[VIEWS, OPENING_NUMBERS], openings);
@@ -290,12 +304,19 @@ impl Document for ClothData {
             }
         };
         let between = InterYarn::new([side(0), side(1)]);
+        let hairs = if r.has("hair_area") {
+            let numbers = rows::<HAIR_COSINES>(r.f32("hair_area", &[2, 2, HAIR_COSINES])?);
+            let area = [0, 1].map(|side| [0, 1].map(|kind| numbers[2 * side + kind]));
+            Some(HairLayer::new(area, rows::<SIGMAS>(r.f32("hair_scatter", &HAIR_SHAPE)?)))
+        } else {
+            None
+        };
         let mut albedo = [0.0; color_of::NODES];
         albedo.copy_from_slice(&r.f64("albedo", &[color_of::NODES])?);
         let far = if r.has("far_f") {
             let kinds = models.len();
             let f = rows(r.f16("far_f", &[kinds, VIEWS, COLUMNS, NODES, SIGMAS])?);
-            let first = rows::<SIGMAS>(r.f32("far_first", &[kinds, VIEWS, CLASSES_A_KIND, SIGMAS])?);
+            let first = rows::<SIGMAS>(r.f32("far_first", &[kinds, VIEWS, PLY_CLASSES, SIGMAS])?);
             let passing = r.f32("far_passing", &[VIEWS])?;
             let numbers: Vec<u32> =
                 r.f32("far_openings", &[VIEWS, OPENING_NUMBERS])?.into_iter().map(|n| n as u32).collect();
@@ -316,6 +337,7 @@ impl Document for ClothData {
             colors: keys.colors.clone(),
             shadows,
             between,
+            hairs,
             albedo,
             far,
         })
@@ -339,6 +361,10 @@ impl Document for ClothData {
                 c.range_f32("between_cones (energy)", &cone.energy, -1e3, 1e3)?;
                 c.range_f32("between_cones (norm)", &cone.norm, 1e-6, 1e6)?;
             }
+        }
+        if let Some(hairs) = &self.hairs {
+            c.range_f32("hair_area", hairs.area.as_flattened().as_flattened(), 0.0, 1e3)?;
+            c.range_f32("hair_scatter", hairs.scatter.as_flattened(), 0.0, 1e3)?;
         }
         c.range("albedo", &self.albedo, 0.0, 1.0)?;
         if let Some(far) = &self.far {

@@ -7,12 +7,13 @@
 //! wi up to the ply models' own asymmetry, and energy is conserved either way (docs/explain/papers.md:
 //! departures from 7.1).
 
-use super::between::{CLASSES_A_KIND, InterYarn, class};
+use super::between::{CLASSES, CLASSES_A_KIND, InterYarn, class, class_of_hairs};
 use super::bsdf::{ClothBsdf, MAX_NEAR, NearPly, Passes};
 use super::color_of::of_nodes;
 use super::dye::{ColorReach, own_color};
 use super::far::{self, Far, FarAt, FarData, Mixed};
 use super::gap::ClothGaps;
+use super::hair_layer::{HairLayer, HairsAt};
 use super::lines::{ClothLines, LineHit, LineHits};
 use super::plies::{ClothPlies, frame, passes, start};
 use super::query::{ClothOptions, ClothQuery, GapLight, Slits, in_pattern};
@@ -52,6 +53,8 @@ pub struct ClothModel {
     pub(super) options: ClothOptions,
     pub(super) shadows: ClothShadows,
     pub(super) between: InterYarn,
+    /// Of both sides; none without hairs.
+    pub(super) hairs: Option<Arc<HairLayer>>,
     /// By kind.
     pub(super) slits: [Option<Slit>; 2],
     /// Of diffracted light.
@@ -130,6 +133,7 @@ impl ClothModel {
             options: *options,
             shadows: data.shadows,
             between: InterYarn { runs, ..data.between },
+            hairs: data.hairs.filter(|_| options.shadowing && options.layers).map(Arc::new),
             slits,
             gaps,
             uneven: Arc::new(if options.uneven { uneven } else { Uneven::default() }),
@@ -210,6 +214,7 @@ impl ClothModel {
             + self.plies.lines.memory_bytes()
             + self.shadows.memory_bytes()
             + self.between.memory_bytes()
+            + self.hairs.as_ref().map_or(0, |hairs| hairs.memory_bytes())
             + self.far.as_ref().map_or(0, |far| far.memory_bytes())
             + self.gaps.as_ref().map_or(0, |gaps| gaps.memory_bytes())
             + self.dyes.memory_bytes()
@@ -281,8 +286,11 @@ impl ClothModel {
         let mut sigma_per_um = [0, 1].map(|kind| self.sigma(query, kind));
         // Kinds whose yarns have several colors and of which none was hit.
         let mut is_mean = [0, 1].map(|kind| self.dyes.several(kind) && query.sigma_per_um[kind].is_none());
-        let mut firsts = [(0, [0.0; N]); MAX_NEAR + 1];
+        let mut firsts = [(0, [0.0; N]); MAX_NEAR + 5];
         let mut count = 0;
+        if let Some(layer) = self.hairs.as_deref() {
+            at.passing = layer.passes(wo);
+        }
         let first = hits.first().map_or(0, |hit| self.plies.kind_of[hit.curve as usize]);
         at.is_double = hits.iter().any(|h| self.plies.kind_of[h.curve as usize] != first);
         for (depth, hit) in hits.iter().enumerate() {
@@ -344,6 +352,17 @@ impl ClothModel {
             at.passing *= r_d;
             if at.passing < MIN_CAUGHT {
                 break;
+            }
+        }
+        // Hairs have the color of the yarn below.
+        if let Some(layer) = self.hairs.as_deref() {
+            let hairs = at.hairs.insert(HairsAt::new(layer, wo, sigma_per_um, at.passing));
+            at.passing *= hairs.passes_behind();
+            for (kind, energies) in hairs.energies().into_iter().enumerate() {
+                for (is_behind, energy) in [false, true].into_iter().zip(energies) {
+                    firsts[count] = (class_of_hairs(kind, is_behind), energy);
+                    count += 1;
+                }
             }
         }
         if count > 0 {
@@ -421,11 +440,24 @@ impl ClothModel {
             }
         }
         let plies = far.at(wo, [&sigma[0], &sigma[1]]);
-        let firsts: [(usize, [f32; N]); 2 * CLASSES_A_KIND] = std::array::from_fn(|class| (class, plies.first[class]));
-        let between = self.between.at(wo, &firsts, sigma.map(|s| s.sigma()), self.sent());
-        let (passing, openings) = far.passing(wo);
+        let sigma_per_um = sigma.map(|s| s.sigma());
+        let (mut passing, openings) = far.passing(wo);
+        let mut firsts: [(usize, [f32; N]); CLASSES] = std::array::from_fn(|class| (class, plies.first[class]));
+        let hairs = self.hairs.as_deref().map(|layer| {
+            let free = layer.passes(wo);
+            firsts.iter_mut().for_each(|(_, energy)| *energy = energy.map(|e| free * e));
+            let hairs = HairsAt::new(layer, wo, sigma_per_um, free * passing);
+            passing *= free * hairs.passes_behind();
+            for (kind, [before, behind]) in hairs.energies().into_iter().enumerate() {
+                firsts[class_of_hairs(kind, false)].1 = before;
+                firsts[class_of_hairs(kind, true)].1 = behind;
+            }
+            hairs
+        });
+        let between = self.between.at(wo, &firsts, sigma_per_um, self.sent());
+        let first = std::array::from_fn(|k| firsts.iter().map(|(_, energy)| energy[k]).sum());
         let through =
             |opening: Option<Opening>| Some(self.gaps.as_deref()?.apertures().through(opening?, wo, query.lambda_um));
-        Some((FarAt::new(plies, between, passing, openings.map(through)), share))
+        Some((FarAt::new(plies, between, (passing, openings.map(through)), hairs, first), share))
     }
 }

@@ -170,3 +170,11 @@ pub fn start(lines: &ClothLines, at: [f32; 2], a: [f32; 3]) -> [f32; 3] {
     let way = (lines.half_thickness_um() + MARGIN_UM) / a[2].abs().max(1e-4);
     [at[0] + way * a[0], at[1] + way * a[1], way * a[2]]
 }
+
+/// Where the line from a point in direction `d` has left all plies [um].
+#[inline]
+pub fn beyond(lines: &ClothLines, from: [f32; 3], d: [f32; 3]) -> [f32; 3] {
+    let height = lines.half_thickness_um() + MARGIN_UM - from[2] * d[2].signum();
+    let way = height.max(0.0) / d[2].abs().max(1e-4);
+    std::array::from_fn(|k| from[k] + way * d[k])
+}

@@ -34,11 +34,13 @@
 //! | `dye_mean` | `[kinds]` | the dye of the mean color of each kind's yarns |
 //! | `curve` | `[..][2]` | v = 1 / (1 + sigma L) and the cloth's brightness |
 //! | `shadow_free` | `[places][18][16][8]` | shares that get out, 255 for 1.35 |
-//! | `between_caught` | `[2][8][3][8][168]` | by side, class, sent up, down and all, absorption: splines of the direction |
-//! | `between_leaves` | `[2][8][2][2][64][8]` | by side, class, sent, leaves, pair of absorptions |
+//! | `between_caught` | `[2][classes][3][8][168]` | by side, class, sent up, down and all, absorption: splines of the direction; 8 classes, with hairs 12 |
+//! | `between_leaves` | `[2][classes][2][2][64][8]` | by side, class, sent, leaves, pair of absorptions |
 //! | `between_shape` | `[2][2][64][16]` | by side, leaves, pair |
-//! | `between_parallel` | `[2][8][2][2][8][8]` | by side, class, sent, leaves, absorption: of that, what one kind of yarns alone has scattered |
+//! | `between_parallel` | `[2][classes][2][2][8][8]` | by side, class, sent, leaves, absorption: of that, what one kind of yarns alone has scattered |
 //! | `between_cones` | `[2][2][2][50]` | by side, kind, leaves: width, 16 terms of the energy, 33 norms |
+//! | `hair_area` | `[2][2][8]` | of cloths with hairs: by side, kind and cosine, area of the hairs that are seen over that of the cloth (`src/cloth/hair_layer.rs`) |
+//! | `hair_scatter` | `[2][8][16][12][8]` | by kind, cosine of the viewer and of the light, azimuth, absorption: density of the light that a hair scatters |
 //! | `far_phi_i`, `far_theta_i`, `far_sigma` | `[15]`, `[11]`, `[8]` | of the mean over the cell: nodes of a view's azimuth on one side and latitude [degrees], and of absorption [1/um]; these and the next only of cloths loaded with `ClothOptions::far` |
 //! | `far_f` | `[kinds][330][24][17][8]` | by kind and view, azimuth and latitude of the light, absorption |
 //! | `far_chances` | `[kinds][330][2][384]` | sums of the energies up to a part's end, of clear and dark fibers |
@@ -46,10 +48,11 @@
 //! | `far_passing`, `far_apertures` | `[330]`, `[330][10]` | what passes; how many apertures stand for those of the cell, and of each of three the rows of `apertures` of its axes and by how much they are turned, in 256ths of a right angle |
 
 use super::ClothModel;
-use super::between::{CLASSES, CLASSES_A_KIND, PAIRS, SIGMAS, Side};
+use super::between::{CLASSES, CLASSES_A_KIND, PAIRS, PLY_CLASSES, SIGMAS, Side};
 use super::far;
 use super::file::{CONE_NUMBERS, cone_numbers};
 use super::grid::Entry;
+use super::hair_layer::{HAIR_AZIMUTHS, HAIR_COSINES};
 use super::lines::LineTables;
 use super::plies::{ClothPlies, Runs};
 use super::shadow::{COLUMNS, LANES, ROWS};
@@ -123,13 +126,31 @@ impl ClothModel {
         f32s("curve", &[curve.len(), 2], curve.iter().flat_map(|(v, value)| [*v as f32, *value as f32]).collect());
         let of = |values: &dyn Fn(&Side) -> Vec<f32>| self.between.sides.iter().flat_map(values).collect::<Vec<f32>>();
         let by_node = |of: &Several<SIGMAS>| (0..SIGMAS).flat_map(|node| of.map(|c| c[node])).collect::<Vec<_>>();
-        let caught = of(&|s| s.caught.iter().flat_map(by_node).collect());
-        f32s("between_caught", &[2, CLASSES, 3, SIGMAS, COUNT], caught);
-        f32s("between_leaves", &[2, CLASSES, 2, 2, PAIRS, FEW], of(&|s| s.leaves.as_flattened().to_vec()));
+        // Without hairs, their classes are left out.
+        let a_kind = if self.hairs.is_some() { CLASSES_A_KIND } else { PLY_CLASSES };
+        let classes: Vec<usize> = (0..CLASSES).filter(|class| class % CLASSES_A_KIND < a_kind).collect();
+        let count = classes.len();
+        let caught = |s: &Side| -> Vec<f32> {
+            classes.iter().flat_map(|class| s.caught[3 * class..3 * class + 3].iter().flat_map(by_node)).collect()
+        };
+        f32s("between_caught", &[2, count, 3, SIGMAS, COUNT], of(&caught));
+        let leaves = |s: &Side| -> Vec<f32> {
+            let of = 4 * PAIRS;
+            classes.iter().flat_map(|class| s.leaves[of * class..of * class + of].as_flattened().to_vec()).collect()
+        };
+        f32s("between_leaves", &[2, count, 2, 2, PAIRS, FEW], of(&leaves));
         f32s("between_shape", &[2, 2, PAIRS, TERMS], of(&|s| s.shape.as_flattened().to_vec()));
-        let parallel = of(&|s| s.parallel.as_flattened().as_flattened().to_vec());
-        f32s("between_parallel", &[2, CLASSES, 2, 2, SIGMAS, FEW], parallel);
+        let parallel = |s: &Side| -> Vec<f32> {
+            let of = |class: &usize| s.parallel[4 * class..4 * class + 4].as_flattened().as_flattened().to_vec();
+            classes.iter().flat_map(of).collect()
+        };
+        f32s("between_parallel", &[2, count, 2, 2, SIGMAS, FEW], of(&parallel));
         f32s("between_cones", &[2, 2, 2, CONE_NUMBERS], of(&|s| cone_numbers(s)));
+        if let Some(hairs) = &self.hairs {
+            f32s("hair_area", &[2, 2, HAIR_COSINES], hairs.area.as_flattened().as_flattened().to_vec());
+            let shape = [2, HAIR_COSINES, 2 * HAIR_COSINES, HAIR_AZIMUTHS, SIGMAS];
+            f32s("hair_scatter", &shape, hairs.scatter.as_flattened().to_vec());
+        }
         if let Some(far) = &self.far {
             let ([f, chances, energy, first, passing], _) = far.numbers();
             f32s("far_phi_i", &[far::PHI_I_DEG.len()], far::PHI_I_DEG.to_vec());
@@ -138,7 +159,7 @@ impl ClothModel {
             f32s("far_f", &[kinds, far::VIEWS, far::COLUMNS, far::NODES, far::SIGMAS], f);
             f32s("far_chances", &[kinds, far::VIEWS, 2, far::CELLS], chances);
             f32s("far_energy", &[kinds, far::VIEWS, far::SIGMAS], energy);
-            f32s("far_first", &[kinds, far::VIEWS, CLASSES_A_KIND, far::SIGMAS], first);
+            f32s("far_first", &[kinds, far::VIEWS, PLY_CLASSES, far::SIGMAS], first);
             f32s("far_passing", &[far::VIEWS], passing);
             let openings = far.numbers().1;
             add("far_apertures", &[far::VIEWS, far::OPENING_NUMBERS], Values::U32(openings));

@@ -3,6 +3,7 @@
 import drjit as dr
 import numpy as np
 
+from ._hairs import Hairs
 from ._lines import Lines
 from ._tables import Tables
 
@@ -32,6 +33,7 @@ class Curves(Lines, Tables):
             dyes, counts = np.unique(yarns, return_counts=True)
             self.dyes.append((kit.words(yarns), len(yarns)))
             self.dye_shares.append([(int(dye), float(count) / len(yarns)) for dye, count in zip(dyes, counts)])
+        self.hairs = Hairs(kit, tensors) if "hair_area" in tensors else None
         self.read_lines(tensors)
 
     def curve_word(self, curve, which):

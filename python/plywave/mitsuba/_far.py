@@ -125,7 +125,7 @@ class Far:
         detach = dr.detach if kit.jit else (lambda x: x)
         mixed = [self.mixed(of) for of in colors]
         at = {"wo": wo, "weights": [m[0] for m in mixed], "around": [], "dark": [], "energy": []}
-        classes = []
+        classes, hairless = [], [kit.zero_s()] * (cloth.classes // 2 - self.layers)
         for k, along_y in enumerate(self.along_y):
             views, shares, theta = self.around(along_y, wo)
             at["around"].append((views, shares, theta))
@@ -138,7 +138,7 @@ class Far:
             weights = mixed[k][0]
             dot = lambda row: [sum(x * w for x, w in zip(row, of)) for of in weights]
             energy = dot(sums)
-            classes += [self.spectrum(dot(row)) for row in first]
+            classes += [self.spectrum(dot(row)) for row in first] + hairless
             mean, clear, dark = detach(sum(energy) * (1.0 / kit.count)), sums[0], sums[-1]
             share = (clear - mean) / dr.maximum(clear - dark, 1e-9) * dark / dr.maximum(mean, 1e-30)
             at["dark"].append(dr.select(mean > 0.0, clamp(share, 0.0, 1.0), 0.0))
@@ -146,14 +146,22 @@ class Far:
         sigma = [m[1] for m in mixed]
         if len(self.along_y) == 1:
             # The other kind has no light.
-            classes += [kit.zero_s()] * self.layers
+            classes += [kit.zero_s()] * (cloth.classes // 2)
             at["around"] *= 2
             at["dark"].append(kit.float(0.0))
             at["energy"].append(kit.float(0.0))
-        at["up"], at["down"], at["about"], _ = cloth.between(wo, classes, [sigma[0], sigma[-1]])
-        at["up_sign"] = dr.select(wo[2] < 0.0, -1.0, 1.0)
         views, shares, _ = at["around"][0]
         at["passing"] = sum(share * kit.take(self.passing, view) for view, share in zip(views, shares))
+        of_hairs = []
+        if cloth.hairs is not None:
+            at["free"] = cloth.hairs.passes(wo)
+            at["hairs"] = hairs = cloth.hairs.at(wo, [sigma[0], sigma[-1]], at["free"] * at["passing"])
+            at["passing"] = at["free"] * at["passing"] * hairs["passes_behind"]
+            classes = cloth.hairs.with_energies([at["free"] * e for e in classes], hairs)
+            at["energy"] = [at["free"] * e for e in at["energy"]]
+            of_hairs = [detach(kit.mean(out)) for out in hairs["out"]]
+        at["up"], at["down"], at["about"], _ = cloth.between(wo, classes, [sigma[0], sigma[-1]])
+        at["up_sign"] = dr.select(wo[2] < 0.0, -1.0, 1.0)
         at["spectra"], at["count"] = [], kit.uint(0)
         if gaps is not None:
             nearest, best = views[0], shares[0]
@@ -164,10 +172,10 @@ class Far:
             at["count"] = kit.take_word(self.apertures, row)
             at["openings"] = row + 1
         parts = [*at["energy"], detach(kit.mean(at["up"])), detach(kit.mean(at["down"]))]
-        total = sum(parts) + at["passing"]
+        total = sum(parts) + sum(of_hairs) + at["passing"]
         per = dr.select(total > 0.0, 1.0 / dr.maximum(total, 1e-30), 0.0)
         is_diffracted = at["count"] > 0
-        at["chances"] = [per * e for e in parts] + [dr.select(is_diffracted, per * at["passing"], 0.0)]
+        at["chances"] = [per * e for e in parts] + [dr.select(is_diffracted, per * at["passing"], 0.0)] + [per * e for e in of_hairs]
         # What goes straight on and its chance.
         at["straight"] = dr.select(is_diffracted, 0.0, at["passing"])
         at["chance"] = per * at["straight"]
@@ -222,11 +230,14 @@ class Far:
         """f and density in a direction of the pattern."""
         kit, cloth = self.kit, self.cloth
         is_up = b[2] * at["up_sign"] >= 0.0
-        f = cloth.between_eval(at["about"], at["up"], at["down"], is_up, b)
-        pdf = cloth.between_pdf(at["about"], at["chances"][2:4], is_up, b)
+        f, pdf = kit.zero_s(), cloth.between_pdf(at["about"], at["chances"][2:4], is_up, b)
         for k in range(len(self.along_y)):
             light, density = self.plies(at, k, b)
             f, pdf = f + light, pdf + at["chances"][k] * density
+        if cloth.hairs is not None:
+            f = at["free"] * cloth.hairs.passes(b) * f + cloth.hairs.eval(at["hairs"], is_up, b)
+            pdf = pdf + dr.select(is_up, *at["chances"][5:]) * (0.5 / math.pi)
+        f = f + cloth.between_eval(at["about"], at["up"], at["down"], is_up, b)
         if gaps is not None:
             per = 1.0 / dr.maximum(kit.float(at["count"]), 1.0)
 
@@ -247,7 +258,7 @@ class Far:
         """A direction of the pattern, and whether light goes straight on instead."""
         kit = self.kit
         left, found, number = u[0], kit.bool(False), u[0]
-        which = kit.uint(5)
+        which = kit.uint(7)
         for i, chance in enumerate(at["chances"]):
             here = kit.both(kit.no(found), left < chance)
             number = dr.select(here, left / dr.maximum(chance, 1e-30), number)
@@ -265,6 +276,9 @@ class Far:
             spectra = gaps.opening([kit.take_word(self.apertures, first + k) for k in range(3)])
             w = gaps.draw(spectra, at["wo"], lam, [clamp(x - i, 0.0, 0.99999994), u[1], u[2]])
             b = [dr.select(which == 4, x, y) for x, y in zip(w, b)]
+        if self.cloth.hairs is not None:
+            w = self.cloth.hairs.draw(dr.select(which == 5, at["up_sign"], -at["up_sign"]), u[1:])
+            b = [dr.select((which == 5) | (which == 6), x, y) for x, y in zip(w, b)]
         return b, kit.no(found)
 
     def draw_plies(self, at, is_first, u):

@@ -16,7 +16,7 @@ KEPT = MAX_NEAR + 1
 MIN_FREE, FOR_SHADOWS = 0.4, 1.288
 
 
-def answer(self, si, own, wo, between, s, of_plies, spectra):
+def answer(self, si, own, wo, between, s, of_plies, spectra, hairs):
     """What a line meets as queries need it: the light between yarns, of the energies of first plies by class and the absorptions in ``between``, what passes all plies, the chances of
     all parts (``set_chances`` of src/cloth/bsdf.rs)."""
     kit, cloth = self.kit, self.cloth
@@ -26,7 +26,10 @@ def answer(self, si, own, wo, between, s, of_plies, spectra):
     plies = kit.mean(of_plies)
     root = lambda x: dr.sqrt(kit.mean(x * x))
     chance_up, chance_down = (FOR_SHADOWS * root(detach(x)) for x in (up, down))
-    free = dr.maximum(1.0 - detach(caught) / dr.maximum(of_plies, 1e-30), MIN_FREE)
+    all_ = of_plies
+    if hairs is not None:
+        all_ = all_ + detach(sum(energy for side in hairs["sides"] for energy in side["energy"]))
+    free = dr.maximum(1.0 - detach(caught) / dr.maximum(all_, 1e-30), MIN_FREE)
     direct = root(of_plies * dr.sqrt(free * dr.sqrt(free)))
     is_edge = kit.both(s["main"]["is"], kit.bool(cloth.options["edges"] and cloth.plies.some_edge))
     if not cloth.plies.has_edge:
@@ -38,6 +41,8 @@ def answer(self, si, own, wo, between, s, of_plies, spectra):
     is_diffracted = is_edge | is_aperture
     passing = detach(s["passing"])
     total = direct + chance_up + chance_down + passing
+    of_hairs = [] if hairs is None else [root(detach(out)) for out in hairs["out"]]
+    total = sum(of_hairs, total)
     per = dr.select(total > 0.0, 1.0 / dr.maximum(total, 1e-30), 0.0)
     out = {
         "wo": wo,
@@ -51,7 +56,8 @@ def answer(self, si, own, wo, between, s, of_plies, spectra):
         "down": down,
         "about": about,
         "per_ply": dr.select(plies > 0.0, per * direct / dr.maximum(plies, 1e-30), 0.0),
-        "chances": [per * direct, per * dr.select(is_diffracted, passing, 0.0), per * chance_up, per * chance_down],
+        "chances": [per * direct, per * dr.select(is_diffracted, passing, 0.0), per * chance_up, per * chance_down, *(per * chance for chance in of_hairs)],
+        "hairs": hairs,
         "straight": per * dr.select(is_diffracted, 0.0, passing),
         "own": own,
         "kept": s["kept"],

@@ -317,8 +317,12 @@ def define(Calls):
             kit, cloth = self.kit, self.cloth
             f, density = sums
             is_up = b[2] * at["up_sign"] >= 0.0
+            if cloth.hairs is not None:
+                f = f * cloth.hairs.passes(b) + cloth.hairs.eval(at["hairs"], is_up, b)
             f = f + cloth.between_eval(at["about"], at["up"], at["down"], is_up, b)
             pdf = at["per_ply"] * density + cloth.between_pdf(at["about"], at["chances"][2:4], is_up, b)
+            if cloth.hairs is not None:
+                pdf = pdf + dr.select(is_up, *at["chances"][4:]) * (0.5 / math.pi)
             if cloth.plies.some_edge and cloth.options["edges"]:
                 main = at["main"]
                 theta_i, h, x, z = main["q"][0], main["q"][1], main["q"][2:5], main["q"][5:8]
@@ -401,6 +405,10 @@ def define(Calls):
             number = dr.select(first[2][0], first[2][1], first[3][1])
             w = cloth.between_draw(at["about"], first[2][0], at["up_sign"], [number, u[1], u[2]])
             b = [dr.select(first[2][0] | first[3][0], x, y) for x, y in zip(w, b)]
+            if cloth.hairs is not None:
+                (up, _), (down, _) = first[4:]
+                w = cloth.hairs.draw(dr.select(up, at["up_sign"], -at["up_sign"]), u[1:])
+                b = [dr.select(up | down, x, y) for x, y in zip(w, b)]
             straight = kit.both(kit.no(found), at["straight"] > 0.0)
             b = [dr.select(found, x, -y) for x, y in zip(b, at["wo"])]
             return b, straight, at["passing"], at["straight"]

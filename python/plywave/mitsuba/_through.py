@@ -13,7 +13,7 @@ from ._light import KEPT, answer, entry
 from ._tables import MAX_NEAR, MIN_CAUGHT
 
 # src/cloth/model.rs, plies.rs
-MIN_OWN, CLASSES_A_KIND, OFF = 0.05, 4, 0.05
+MIN_OWN, OFF = 0.05, 0.05
 
 
 def walked(self, si, active, is_last=False):
@@ -76,7 +76,7 @@ def walk(self, si, active):
     loop = {
         "i": kit.uint(0),
         "on": count > 0,
-        "passing": kit.float(1.0),
+        "passing": kit.float(1.0) if cloth.hairs is None else cloth.hairs.passes(wo),
         # Kept for each ply: where it is, its class, the light that arrives, the mean energy that it scatters.
         "kept": {key: [kit.uint(0) if key in whole else zero] * KEPT for key in (*cloth.WHERE, "class", "arrives", "weight")},
         "count": kit.uint(0),
@@ -112,7 +112,7 @@ def walk(self, si, active):
                 s["dyed"] = [dr.select(kit.both(takes, kit.bool(n == k)), cloth.dye_of(k, hit, corner), dye) for n, dye in enumerate(s["dyed"])]
                 s["is_dyed"] = [is_dyed | kit.both(takes, kit.bool(n == k)) for n, is_dyed in enumerate(s["is_dyed"])]
         sent = dr.select(counted, arrives * (kit.S(energies[1]) + cloth.plies.high_energy(energies[2], through)), none)
-        cls = class_of(kit, hit["kind"], i, count)
+        cls = class_of(cloth, hit["kind"], i, count)
         s["plies"] = s["plies"] + sent
         s["classes"] = [e + dr.select(cls == c, sent, none) for c, e in enumerate(s["classes"])]
         last = s["last"]
@@ -149,7 +149,12 @@ def walk(self, si, active):
     spectra = None
     if self.gaps is not None:
         spectra = self.gaps.at(*cloth.aperture(start, d, kit.both(active, s["count"] == 0)))
-    out = answer(self, si, own, wo, (s["classes"], [dyes[0], dyes[-1]]), s, s["plies"], spectra)
+    hairs = None
+    if cloth.hairs is not None:
+        # Hairs have the color of the yarn below.
+        hairs = cloth.hairs.at(wo, [dyes[0], dyes[-1]], s["passing"])
+        s = dict(s, classes=cloth.hairs.with_energies(s["classes"], hairs), passing=s["passing"] * hairs["passes_behind"])
+    out = answer(self, si, own, wo, (s["classes"], [dyes[0], dyes[-1]]), s, s["plies"], spectra, hairs)
     return out | {
         "line": (moved if is_moved else start, d),
         "is_moved": is_moved,
@@ -162,9 +167,10 @@ def walk(self, si, active):
     }
 
 
-def class_of(kit, kind, i, count):
+def class_of(cloth, kind, i, count):
     """Class of a ply that a line hits as the ``i``-th of so many."""
-    return kit.uint(kind) * CLASSES_A_KIND + dr.select(i > 0, kit.uint(2), kit.uint(0)) + dr.select(i + 1 < count, kit.uint(1), kit.uint(0))
+    kit = cloth.kit
+    return kit.uint(kind) * (cloth.classes // 2) + dr.select(i > 0, kit.uint(2), kit.uint(0)) + dr.select(i + 1 < count, kit.uint(1), kit.uint(0))
 
 
 def again(self, si, own, start, d, s, last_kept, more, corner):

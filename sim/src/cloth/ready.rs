@@ -3,6 +3,7 @@
 mod between;
 mod cones;
 mod follow;
+mod hairs;
 mod paths;
 mod regression;
 mod shadows;
@@ -49,7 +50,8 @@ pub fn make_ready(
         models.iter().map(|m| Ok(Arc::new(m.of_lines()?))).collect::<Result<_, Error>>()?;
     let plies = ClothPlies::new(curves, &models)?;
     let shadows = shadows::shadows(&plies, told)?;
-    let paths = follow::ClothPaths { plies: &plies, shadows: &shadows };
+    let hairs = hairs::hair_layer(spec_text, curves, &plies, told)?;
+    let paths = follow::ClothPaths { plies: &plies, shadows: &shadows, hairs: hairs.as_ref() };
     let between = between::light_between(&paths, told)?;
     let mut data = ClothData {
         spec_text: spec_text.into(),
@@ -60,6 +62,7 @@ pub fn make_ready(
         colors: Default::default(),
         shadows,
         between,
+        hairs,
         albedo: [0.0; ALBEDO_NODES],
         far: None,
     };
@@ -67,7 +70,9 @@ pub fn make_ready(
     let of_rays = shaded(&data, &ClothOptions::RAYS)?;
     data.albedo = parts("albedo", 1, told, |_| albedo(&of_rays))?[0];
     if has_far {
-        let cloth = shaded(&data, &ClothOptions { gaps: GapLight::Diffracted, ..ClothOptions::RAYS })?;
+        // The layer of hairs is added to the mean of the rest.
+        let bare = ClothData { hairs: None, ..data.clone() };
+        let cloth = shaded(&bare, &ClothOptions { gaps: GapLight::Diffracted, ..ClothOptions::RAYS })?;
         let views = parts("mean over the cell", FarData::views(&cloth), told, |view| far_view(&cloth, view))?;
         data.far = Some(FarData::new(&cloth, &views));
     }

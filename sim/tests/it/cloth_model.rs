@@ -2,8 +2,11 @@
 
 use plywave::bsdf::{Bsdf, BsdfSample};
 use plywave::cloth::{ClothData, ClothModel, ClothOptions, ClothSpec, ColorOf, GapLight, YarnColor};
+use plywave::twin::{ComparisonOptions, compare};
 use plywave::{ClothQuery, PlyModel};
 use plywave_sim::cloth::{make_cloth, make_ready};
+use plywave_sim::runs::Run;
+use plywave_sim::twin::{TwinCurves, TwinOptions, direction as twin_direction, twin};
 use std::f32::consts::TAU;
 use std::sync::{Arc, LazyLock};
 
@@ -17,9 +20,10 @@ pub fn made(name: &str, plies: &[&str], has_far: bool) -> ClothData {
     make_ready(&text, name, &made.curves, &models, has_far, &|_| true).unwrap()
 }
 
-/// A knit, and a woven cloth of plied yarns.
+/// A knit, a woven cloth of plied yarns, and one under hairs.
 pub static JERSEY: LazyLock<ClothData> = LazyLock::new(|| made("jersey", &["cotton_single"], true));
 pub static ORGANZA: LazyLock<ClothData> = LazyLock::new(|| made("organza", &["silk_single"; 2], false));
+pub static FLANNEL: LazyLock<ClothData> = LazyLock::new(|| made("flannel", &["cotton_single"; 2], true));
 
 /// An even sequence.
 pub fn even(k: usize, step: f64) -> f32 {
@@ -51,7 +55,7 @@ fn query<const N: usize>(at: [f32; 2], wo: [f32; 3], sigma: [f32; N]) -> ClothQu
 fn clear_cloths_conserve_energy() {
     const PLACES: usize = 400;
     const DIRECTIONS: usize = 256;
-    for (name, data) in [("jersey", &*JERSEY), ("organza", &*ORGANZA)] {
+    for (name, data) in [("jersey", &*JERSEY), ("organza", &*ORGANZA), ("flannel", &*FLANNEL)] {
         let cloth = ClothModel::from_data(data.clone(), &ClothOptions::RAYS).unwrap();
         for z in [0.95f32, 0.6, -0.6, 0.3, 0.15, 0.05] {
             let (mut by_view, mut by_light) = (0.0f64, 0.0f64);
@@ -84,7 +88,7 @@ fn clear_cloths_conserve_energy() {
 /// light without the narrow peaks that gaps diffract (`cloth_gaps.rs`).
 #[test]
 fn samples_follow_their_density() {
-    for data in [&*JERSEY, &*ORGANZA] {
+    for data in [&*JERSEY, &*ORGANZA, &*FLANNEL] {
         let options = ClothOptions { gaps: GapLight::Straight, ..ClothOptions::default() };
         let cloth = ClothModel::from_data(data.clone(), &options).unwrap();
         for k in 0..24 {
@@ -161,11 +165,10 @@ fn files_hold_the_cloth() {
 #[test]
 fn the_mean_is_that_of_places() {
     let options = ClothOptions { far: true, ..ClothOptions::RAYS };
-    let cloth = ClothModel::from_data(JERSEY.clone(), &options).unwrap();
     const PLACES: usize = 1500;
-    for (i, wo) in
-        [direction(0.9, 0.1), direction(0.6, 0.33), direction(-0.5, 0.7), direction(0.25, 0.02)].iter().enumerate()
-    {
+    let views = [direction(0.9, 0.1), direction(0.6, 0.33), direction(-0.5, 0.7), direction(0.25, 0.02)];
+    let cloths = [&*JERSEY, &*FLANNEL].map(|data| ClothModel::from_data(data.clone(), &options).unwrap());
+    for (cloth, (i, wo)) in cloths.iter().flat_map(|cloth| views.iter().enumerate().map(move |view| (cloth, view))) {
         let far = cloth.at(&ClothQuery { footprint_um: 1e4, ..query([0.0; 2], *wo, [0.0, 0.005]) });
         assert!(far.far_share() == 1.0);
         let lights: Vec<[f32; 3]> = (0..48).map(|k| any(k + 48 * i)).collect();
@@ -255,4 +258,42 @@ fn colors_are_changed_without_tracing() {
     let far = ClothOptions { far: true, ..ClothOptions::default() };
     assert!(ClothModel::from_data(JERSEY.clone(), &far).unwrap().has_far() && JERSEY.notes(&far).is_empty());
     assert!(ORGANZA.notes(&far)[0].contains("footprints count as points"));
+}
+
+/// A cloth under hairs reflects and lets through what its explicit fibers and hairs do, clear and dyed; its
+/// file has the layer.
+#[test]
+fn hairs_shade_as_explicit_ones() {
+    let data = ClothData::from_bytes(&FLANNEL.to_bytes().unwrap(), "flannel.pwc").unwrap();
+    assert!(data.hairs.is_some() && JERSEY.hairs.is_none());
+    let cloth = ClothModel::from_data(data, &ClothOptions::RAYS).unwrap();
+    let spec = ClothSpec::parse(&FLANNEL.spec_text, "flannel").unwrap();
+    let specs = FLANNEL.models.iter().map(|model| model.data().spec_text.clone()).collect();
+    let curves = TwinCurves::new("flannel", FLANNEL.curves.clone(), specs).unwrap().with_hairs(spec.hairs());
+    let tilts: [(f64, f64); 4] = [(0.0, 0.0), (45.0, 45.0), (75.0, 0.0), (120.0, 60.0)];
+    let views = tilts.iter().map(|(tilt, turn)| twin_direction(tilt.to_radians(), turn.to_radians())).collect();
+    let options =
+        TwinOptions { views, paths: 10_000, sigma_per_um: vec![[0.0; 2], [0.003; 2]], ..TwinOptions::default() };
+    let twin = twin(&curves, &options, Run::plain()).unwrap();
+    for (view, tilt) in tilts.iter().enumerate() {
+        for compared in compare(&cloth, &twin, view, &ComparisonOptions { places: 4096, directions: 1 }) {
+            let [a, b] = [&compared.twin, &compared.model];
+            println!(
+                "{tilt:?}, sigma {}: R {:.4} / {:.4}, T {:.4} / {:.4}, straight {:.4} / {:.4}, L2 {:.3}, {:.3}",
+                compared.sigma,
+                a.reflected,
+                b.reflected,
+                a.transmitted,
+                b.transmitted,
+                a.straight,
+                b.straight,
+                compared.upper,
+                compared.lower
+            );
+            assert!((a.reflected - b.reflected).abs() < 0.025, "{tilt:?}: R");
+            let [a, b] = [a, b].map(|light| light.transmitted + light.straight);
+            assert!((a - b).abs() < 0.025, "{tilt:?}: T");
+            assert!(compared.upper < 0.2, "{tilt:?}: L2 {}", compared.upper);
+        }
+    }
 }

@@ -1,14 +1,18 @@
 //! Paths through a cloth.
 
+use super::hairs::{InLayer, Through};
 use super::paths::{Escaped, Scattered};
 use plywave::cloth::LineHits;
-use plywave::cloth::making::{ClothPlies, ClothShade, ClothShadows, class, exit, frame, is_own, start};
+use plywave::cloth::making::{
+    ClothPlies, ClothShade, ClothShadows, HairLayer, beyond, class, exit, frame, is_own, start,
+};
 use plywave::math::vec3::{cross, dot};
 
 /// Shadows of a cloth, while the light between its plies is found.
 pub(super) struct ClothPaths<'a> {
     pub plies: &'a ClothPlies,
     pub shadows: &'a ClothShadows,
+    pub hairs: Option<&'a HairLayer>,
 }
 
 impl ClothPaths<'_> {
@@ -34,7 +38,22 @@ impl ClothPaths<'_> {
         let mut own = None;
         let mut hits = LineHits::default();
         let mut gone = Escaped::new();
+        let side = |w: [f32; 3]| usize::from(w[2] < 0.0);
+        let mut layer = self.hairs.map(|hairs| InLayer { hairs, side: side(a), above: 0.0 });
+        let passes = |d: [f32; 3]| self.hairs.map_or(1.0, |hairs| hairs.passes(d));
         loop {
+            if let Some(layer) = layer.take() {
+                match layer.follow(&mut gone, &mut d, (a, is_followed), number) {
+                    Through::Out => {
+                        gone.up = d[2] * a[2] > 0.0;
+                        gone.d = d;
+                        return Some(gone);
+                    }
+                    Through::In => own = None,
+                    Through::Looked => return Some(gone),
+                    Through::Over => return None,
+                }
+            }
             lines.hits_while(from, d, &mut hits, |hit| self.plies.passes(hit));
             // The first ply that catches the line.
             let caught = hits
@@ -43,6 +62,11 @@ impl ClothPaths<'_> {
                 .enumerate()
                 .find(|(_, hit)| own.is_none_or(|own| !is_own(lines, hit, own)) && number() >= self.plies.r_d(hit));
             let Some((depth, hit)) = caught else {
+                if let Some(hairs) = self.hairs {
+                    from = beyond(lines, from, d);
+                    layer = Some(InLayer { hairs, side: side(d), above: 1.0 });
+                    continue;
+                }
                 gone.up = d[2] * a[2] > 0.0;
                 gone.d = d;
                 return Some(gone);
@@ -58,7 +82,7 @@ impl ClothPaths<'_> {
                 None
             };
             let ply = Scattered { model: &models[kind], theta_i, h_um, radius_um: radius * scale[kind], frame, kind };
-            let (t, s) = gone.scatter(&ply, first, (a, is_followed), &mut d, number)?;
+            let (t, s) = gone.scatter(&ply, first, (a, is_followed), &mut d, &passes, number)?;
             if !is_followed {
                 return Some(gone);
             }

@@ -78,13 +78,15 @@ impl Escaped {
     /// A ply scatters the path, which comes from direction `a`, into direction `d`. Returns the offset over R
     /// at which the new line passes the ply's axis, `-t` along `d cross z`, and how far along the axis;
     /// `None` where no direction is found. `first` is the class and the shadows of a first ply, of which the
-    /// light is looked at; a path that is not followed ends there.
+    /// light is looked at; a path that is not followed ends there. `passes` is the share of light in a
+    /// direction that passes the hairs.
     pub(super) fn scatter(
         &mut self,
         scattered: &Scattered<'_>,
         first: Option<(usize, ClothShade<'_>)>,
         (a, is_followed): ([f32; 3], bool),
         d: &mut [f32; 3],
+        passes: &dyn Fn([f32; 3]) -> f32,
         number: &mut dyn FnMut() -> f32,
     ) -> Option<(f32, f32)> {
         let Scattered { model, theta_i, h_um, radius_um, frame, kind } = *scattered;
@@ -107,7 +109,8 @@ impl Escaped {
                 let u = std::array::from_fn(|n| (turn[n] + i as f32 * EVEN[n]).fract());
                 let Some((w, light)) = ply.sample(u) else { continue };
                 let d = to_cloth(w);
-                let free = shade.toward(&Toward::new(d), exits.lines(model.exit_shapes(), w));
+                let free =
+                    shade.toward(&Toward::new(d), exits.lines(model.exit_shapes(), w)).map(|free| free * passes(d));
                 let (most, per) = (light.refl[0] + light.high[0], looks / light.pdf);
                 for k in 0..SIGMAS {
                     let share = clear_shares[k];
