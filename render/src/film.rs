@@ -19,6 +19,8 @@ const WORK_BYTES: u64 = 120;
 pub struct Film {
     width: u32,
     height: u32,
+    /// Which tiles it has, and of how many parts: tile k is in part k modulo their number.
+    part: [u32; 2],
     samples: u32,
     /// XYZ of the light.
     light: Vec<[f32; 3]>,
@@ -115,6 +117,7 @@ impl Film {
         Ok(Film {
             width,
             height,
+            part: [0, 1],
             samples: 0,
             light: vec![[0.0; 3]; n],
             albedo: vec![[0.0; 3]; n],
@@ -124,6 +127,32 @@ impl Film {
             deviation: vec![[0.0; 3]; n],
             cut: CutSums::default(),
         })
+    }
+
+    /// One of several films of a picture that are rendered apart, as by processes without common memory:
+    /// every `parts`-th tile. Other pixels stay black, so the picture is the sum of its parts, with the bits
+    /// of a whole one.
+    ///
+    /// # Errors
+    /// As [`Film::new`].
+    pub fn new_part(width: u32, height: u32, part: u32, parts: u32) -> Result<Film, RenderError> {
+        let parts = parts.max(1);
+        Ok(Film { part: [part % parts, parts], ..Film::new(width, height)? })
+    }
+
+    /// Black again, without samples; of the same part.
+    pub fn clear(&mut self) {
+        for plane in [&mut self.light, &mut self.albedo, &mut self.normal, &mut self.deviation] {
+            plane.fill([0.0; 3]);
+        }
+        self.depth.fill(0.0);
+        self.hits.fill(0.0);
+        (self.samples, self.cut) = (0, CutSums::default());
+    }
+
+    /// Whether a tile is of its part.
+    pub(crate) fn has_tile(&self, tile: u32) -> bool {
+        tile % self.part[1] == self.part[0]
     }
 
     /// Pixels across.

@@ -95,7 +95,8 @@ pub(crate) fn render_by(
         let first = film.samples();
         // Passes grow, so that the first picture is early and late ones cost little.
         let count = (first / 2).clamp(1, 16).min(options.samples - first);
-        let done: Vec<Option<Vec<Pixel>>> = (0..tiles)
+        let own: Vec<u32> = (0..tiles).filter(|tile| film.has_tile(*tile)).collect();
+        let done: Vec<Option<Vec<Pixel>>> = own
             .into_par_iter()
             .map(|tile| {
                 let (x0, y0) = (tile % across * TILE, tile / across * TILE);

@@ -1,0 +1,91 @@
+//! Models of plies.
+
+use crate::{failed, sphere};
+use plywave::spec::YarnSpec;
+use plywave::{Bsdf, PlyModel, PlyQuery};
+use wasm_bindgen::prelude::{JsError, wasm_bindgen};
+
+/// A ply model.
+#[wasm_bindgen]
+pub struct Ply {
+    model: PlyModel,
+    name: String,
+    /// Directions of the last map, and its rows and columns.
+    directions: (usize, usize, Vec<[f32; 3]>),
+}
+
+#[wasm_bindgen]
+impl Ply {
+    /// A model from the bytes of its file (`.pwm`); `file` names it in errors.
+    ///
+    /// # Errors
+    /// A foreign, damaged or newer file.
+    #[wasm_bindgen(constructor)]
+    pub fn new(bytes: &[u8], file: &str) -> Result<Ply, JsError> {
+        let model = PlyModel::from_bytes(bytes, file).map_err(failed)?;
+        let name = YarnSpec::parse(&model.data().spec_text, "model").map_err(failed)?.name;
+        Ok(Ply { model, name, directions: (0, 0, Vec::new()) })
+    }
+
+    /// Name of its yarn.
+    #[wasm_bindgen(getter)]
+    pub fn name(&self) -> String {
+        self.name.clone()
+    }
+
+    /// Largest offset of a beam [um].
+    #[wasm_bindgen(getter, js_name = hMaxUm)]
+    pub fn h_max_um(&self) -> f64 {
+        self.model.data().h_um.last().copied().unwrap_or(0.0)
+    }
+
+    /// Largest incident latitude of its tables [rad].
+    #[wasm_bindgen(getter, js_name = thetaMax)]
+    pub fn theta_max(&self) -> f64 {
+        self.model.data().theta_i.last().copied().unwrap_or(0.0)
+    }
+
+    /// Whether the light that passes beside it is diffracted.
+    #[wasm_bindgen(getter, js_name = hasEdge)]
+    pub fn has_edge(&self) -> bool {
+        self.model.has_edge()
+    }
+
+    /// f [1/sr] in directions `w`, three numbers each, in the ply's frame, of a beam at latitude `theta_i` [rad]
+    /// and offset `h_um`, with absorption `sigma_per_um` at the wavelength `lambda_um`.
+    pub fn eval(&self, theta_i: f32, h_um: f32, sigma_per_um: f32, lambda_um: f32, edge: bool, w: &[f32]) -> Vec<f32> {
+        let at = self.model.at(&PlyQuery { edge, ..PlyQuery::new(theta_i, h_um, [sigma_per_um], [lambda_um]) });
+        w.as_chunks().0.iter().map(|w| at.eval(*w)[0]).collect()
+    }
+
+    /// As [`Ply::eval`], over the sphere: `rows` of equal angle to the axis, from its positive end on, of
+    /// `columns` azimuths each from x towards y.
+    pub fn map(
+        &mut self,
+        theta_i: f32,
+        h_um: f32,
+        sigma_per_um: f32,
+        lambda_um: f32,
+        edge: bool,
+        rows: usize,
+        columns: usize,
+    ) -> Vec<f32> {
+        if (self.directions.0, self.directions.1) != (rows, columns) {
+            self.directions = (rows, columns, sphere(rows, columns));
+        }
+        let at = self.model.at(&PlyQuery { edge, ..PlyQuery::new(theta_i, h_um, [sigma_per_um], [lambda_um]) });
+        let w = &self.directions.2;
+        let (mut f, mut pdf) = (vec![[0.0]; w.len()], vec![0.0; w.len()]);
+        at.eval_batch(w, &mut f, &mut pdf);
+        f.into_iter().flatten().collect()
+    }
+
+    /// Shares of a beam's light: reflected once, scattered otherwise, passed beside all fibers.
+    pub fn energies(&self, theta_i: f32, h_um: f32, sigma_per_um: f32) -> Vec<f32> {
+        let at = |sigma: f32| self.model.at(&PlyQuery::lobes(theta_i, h_um, [sigma]));
+        let passed = at(sigma_per_um).r_d();
+        // Fibers without end of absorption reflect alone.
+        let reflected = at(1e6).albedo()[0];
+        vec![reflected, at(sigma_per_um).albedo()[0] - reflected, passed]
+    }
+}
