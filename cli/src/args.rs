@@ -10,6 +10,7 @@ mod plot;
 mod render;
 mod shell;
 mod twin;
+mod view;
 mod wave;
 
 pub use build::*;
@@ -22,6 +23,7 @@ pub use plot::*;
 pub use render::*;
 pub use shell::*;
 pub use twin::*;
+pub use view::*;
 pub use wave::*;
 
 use crate::failure::{Failure, Outcome};
@@ -122,6 +124,9 @@ pub enum Command {
     /// Write a cloth for other programs: cloth (.pwc) or cloth spec (TOML) in; a report, a BSDF file or a
     /// material out.
     Export(ExportArgs),
+    /// Show a model in the browser: ply model (.pwm), cloth (.pwc) or cloth spec (TOML) in; an address of this
+    /// machine out.
+    View(ViewArgs),
     /// Print completions for a shell: bash, elvish, fish, powershell or zsh.
     Completions(CompletionsArgs),
     /// Print the manual page, or write the pages of all commands into a folder.

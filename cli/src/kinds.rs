@@ -310,6 +310,7 @@ pub fn check_inputs(command: &Command) -> Outcome {
         Command::Color(args) => one(&args.model, &[Model, Cloth, ClothFile]),
         Command::Farm(args) => one(&args.library, &[Library]),
         Command::Twin(args) => one(&args.spec, &[Cloth]),
+        Command::View(args) => maybe(&args.file, &[Model, Cloth, ClothFile]),
         Command::Weave(args) => one(&args.cloth, &[Cloth]),
         Command::Hairs(args) => {
             one(&args.cloth, &[Cloth, ClothFile])?;

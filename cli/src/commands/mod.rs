@@ -34,6 +34,7 @@ pub mod shell;
 pub mod simulate;
 pub mod speckle_view;
 pub mod twin;
+pub mod view;
 pub mod wave_scatter;
 pub mod wave_speckle;
 pub mod wave_tabulate;

@@ -110,8 +110,7 @@ impl Cloth {
     /// `columns` azimuths each.
     pub fn map(&self, theta: f32, phi: f32, lambda_um: f32, rows: usize, columns: usize) -> Vec<f32> {
         let wo = [theta.sin() * phi.cos(), theta.sin() * phi.sin(), theta.cos()];
-        let at =
-            self.model.at(&ClothQuery { footprint_um: FAR_UM, ..ClothQuery::new([0.0; 2], wo, [lambda_um]) });
+        let at = self.model.at(&ClothQuery { footprint_um: FAR_UM, ..ClothQuery::new([0.0; 2], wo, [lambda_um]) });
         sphere(rows, columns).into_iter().map(|wi| at.eval(wi)[0]).collect()
     }
 }
