@@ -9,7 +9,7 @@
 use criterion::{Criterion, criterion_group, criterion_main};
 use plywave::cloth::{ClothData, ClothModel, ClothOptions, ClothSpec, LineHits, UvMap};
 use plywave::{Bsdf, ClothQuery, PlyModel};
-use plywave_sim::cloth::{make_cloth, make_ready};
+use plywave_sim::cloth::{Effort, make_cloth, make_ready};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 use std::hint::black_box;
@@ -25,11 +25,12 @@ fn made(name: &str, has_far: bool) -> ClothData {
     let text = std::fs::read_to_string(format!("{folder}/{name}.toml")).expect("a cloth that ships");
     let spec = ClothSpec::parse(&text, name).expect("a good spec");
     let no_file = |file: &str| -> plywave::Result<Vec<u8>> { panic!("{file} is not to be read") };
-    let made = make_cloth(&spec, name, &mut |file| no_file(file), &|| true).expect("a cloth");
+    let made = make_cloth(&spec, name, &mut |file| no_file(file), Effort::Full, &|| true).expect("a cloth");
     let model = |ply: &str| PlyModel::load(format!("{folder}/{}", ply.replace(".toml", ".pwm")));
     let models = spec.yarns().into_iter().map(|yarn| model(yarn.model.as_deref().expect("the name of a ply")));
     let models: Vec<Arc<PlyModel>> = models.map(|model| Arc::new(model.expect("a model that ships"))).collect();
-    make_ready(&text, name, &made.curves, &models, has_far, &|_| true).expect("a cloth")
+    let effort = if has_far { Effort::Full } else { Effort::Near };
+    make_ready(&text, name, &made.curves, &models, effort, &|_| true).expect("a cloth")
 }
 
 /// A direction by two numbers in [0, 1).

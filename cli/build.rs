@@ -7,11 +7,10 @@ use std::path::{Path, PathBuf};
 fn files(folder: &Path, found: &mut Vec<PathBuf>) -> std::io::Result<()> {
     for entry in std::fs::read_dir(folder)? {
         let path = entry?.path();
-        // The models are in the program anyway.
-        match path.is_dir() {
-            true if path.ends_with("models") => (),
-            true => files(&path, found)?,
-            false => found.push(path),
+        if path.is_dir() {
+            files(&path, found)?;
+        } else {
+            found.push(path);
         }
     }
     Ok(())

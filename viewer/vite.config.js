@@ -2,16 +2,25 @@
 import { copyFileSync, mkdirSync, readdirSync, writeFileSync } from "node:fs";
 import { defineConfig } from "vite";
 
-const shipped = "../fabrics/models";
+const fabrics = "../fabrics";
 
-/** Models and their list, as `plywave view` serves them from the program. */
+function copied(from, to, end) {
+  const names = readdirSync(from).filter((name) => name.endsWith(end)).sort();
+  mkdirSync(to, { recursive: true });
+  for (const name of names) copyFileSync(`${from}/${name}`, `${to}/${name}`);
+  return names;
+}
+
+/** Ply models, cloth specs with the models of their plies, and the list of both. */
 const models = {
   name: "models",
   closeBundle() {
-    const names = readdirSync(shipped).filter((name) => name.endsWith(".pwm")).sort();
-    mkdirSync("dist/models", { recursive: true });
-    for (const name of names) copyFileSync(`${shipped}/${name}`, `dist/models/${name}`);
-    writeFileSync("dist/models/index.json", JSON.stringify(names));
+    const to = "dist/models";
+    const cloths = copied(`${fabrics}/cloths`, to, ".toml");
+    // The page opens with the first: one that is made in a moment.
+    const names = [...new Set(["jersey.toml", ...cloths, ...copied(`${fabrics}/models`, to, ".pwm")])];
+    copied(`${fabrics}/cloths/plies`, `${to}/plies`, ".pwm");
+    writeFileSync(`${to}/index.json`, JSON.stringify(names));
   },
 };
 

@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Builds viewer/wasm for the browser into viewer/pkg: needs Rust with the target wasm32-unknown-unknown, and installs the wasm-bindgen of Cargo.lock into the
+# Builds viewer/wasm and viewer/weaver for the browser into viewer/pkg: needs Rust with the target wasm32-unknown-unknown, and installs the wasm-bindgen of Cargo.lock into the
 # target folder where it is missing.
 set -euo pipefail
 cd "$(dirname "$0")/.."
@@ -11,6 +11,12 @@ if [ "$("$tools/bin/wasm-bindgen" --version 2>/dev/null)" != "wasm-bindgen $vers
 fi
 rustup target add wasm32-unknown-unknown >/dev/null 2>&1 || true
 # Every browser since 2023 has these instructions.
-RUSTFLAGS="-C target-feature=+simd128" cargo build --locked --quiet --profile web --target wasm32-unknown-unknown -p plywave-web
-"$tools/bin/wasm-bindgen" --target web --out-dir viewer/pkg "$target/wasm32-unknown-unknown/web/plywave_web.wasm"
-printf 'viewer/pkg/plywave_web_bg.wasm: %d bytes, %d by gzip\n' "$(wc -c <viewer/pkg/plywave_web_bg.wasm)" "$(gzip -9 -c viewer/pkg/plywave_web_bg.wasm | wc -c)"
+# Apart: dependencies of the one get no features from the other.
+for crate in plywave-web plywave-weaver; do
+    RUSTFLAGS="-C target-feature=+simd128" cargo build --locked --quiet --profile web --target wasm32-unknown-unknown -p "$crate"
+done
+for module in plywave_web plywave_weaver; do
+    "$tools/bin/wasm-bindgen" --target web --out-dir viewer/pkg "$target/wasm32-unknown-unknown/web/$module.wasm"
+    made=viewer/pkg/${module}_bg.wasm
+    printf '%s: %d bytes, %d by gzip\n' "$made" "$(wc -c <"$made")" "$(gzip -9 -c "$made" | wc -c)"
+done

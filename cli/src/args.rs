@@ -124,8 +124,8 @@ pub enum Command {
     /// Write a cloth for other programs: cloth (.pwc) or cloth spec (TOML) in; a report, a BSDF file or a
     /// material out.
     Export(ExportArgs),
-    /// Show a model in the browser: ply model (.pwm), cloth (.pwc) or cloth spec (TOML) in; an address of this
-    /// machine out.
+    /// Show a model in the browser: ply model (.pwm), cloth (.pwc) or cloth spec (TOML) in; an address of
+    /// this machine out.
     View(ViewArgs),
     /// Print completions for a shell: bash, elvish, fish, powershell or zsh.
     Completions(CompletionsArgs),

@@ -6,7 +6,7 @@ use crate::run::{Progress, Run, Stage};
 use plywave::PlyModel;
 use plywave::cloth::{ClothData, ClothSpec, WeaveSpec, YarnOfCloth};
 use plywave::io::{AssetSource, Folder, ModelLibrary};
-use plywave_sim::cloth::{ClothStep, MadeCloth, make_cloth, make_ready};
+use plywave_sim::cloth::{ClothStep, Effort, MadeCloth, make_cloth, make_ready};
 use sha2::{Digest, Sha256};
 use std::io::Read;
 use std::path::{Path, PathBuf};
@@ -168,7 +168,7 @@ impl ClothRecipe {
         let assets = self.assets();
         let mut read = |named: &str| assets.read(named, MAX_BYTES);
         let go_on = || run.check_stop().is_ok();
-        let made = make_cloth(&self.spec, &self.file, &mut read, &go_on);
+        let made = make_cloth(&self.spec, &self.file, &mut read, Effort::Full, &go_on);
         made.map_err(|error| Error::of_simulation(error, &self.file))
     }
 
@@ -188,7 +188,8 @@ impl ClothRecipe {
             run.tell(Progress { stage: Stage::Cloth(what), done: done as u64, total: total as u64 });
             run.check_stop().is_ok()
         };
-        let data = make_ready(&self.spec_text, &self.spec.name, &curves.curves, models, has_far, &told);
+        let effort = if has_far { Effort::Full } else { Effort::Near };
+        let data = make_ready(&self.spec_text, &self.spec.name, &curves.curves, models, effort, &told);
         let mut data = data.map_err(|error| Error::of_simulation(error, &self.file))?;
         data.colors.clone_from(&curves.colors);
         Ok(data)

@@ -150,6 +150,7 @@ pub enum SimError {
     },
     /// Error of the wave code.
     #[error(transparent)]
+    #[cfg(not(target_family = "wasm"))]
     Wave(#[from] crate::wave::WaveError),
     /// Error of the runtime: spec, table or file.
     #[error(transparent)]

@@ -4,7 +4,7 @@
 
 use plywave::PlyModel;
 use plywave::cloth::{ClothCurves, ClothData, ClothModel, ClothOptions, ClothYarn, Lattice, PlyCurve};
-use plywave_sim::cloth::make_ready;
+use plywave_sim::cloth::{Effort, make_ready};
 use std::f64::consts::{FRAC_PI_2, TAU};
 use std::sync::{Arc, LazyLock};
 
@@ -58,7 +58,8 @@ fn plain(spacing_um: f64) -> ClothCurves {
 
 /// A plain weave of a warp and a weft of these models, of plies of 50 um.
 pub fn woven(models: [Arc<PlyModel>; 2], yarns: [&str; 2], spacing_um: f64, has_far: bool) -> ClothData {
-    make_ready(&spec(yarns), "small", &plain(spacing_um), &models, has_far, &|_| true).unwrap()
+    let effort = if has_far { Effort::Full } else { Effort::Near };
+    make_ready(&spec(yarns), "small", &plain(spacing_um), &models, effort, &|_| true).unwrap()
 }
 
 /// A warp of polyester and a weft of gold, undyed, with the mean over the cell, which takes a while.

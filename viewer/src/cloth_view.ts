@@ -7,7 +7,7 @@ import type { Answer, Ask } from "./worker";
 /** Widths of the scenes' cloths [mm]. */
 const SIZES: Record<string, number> = { swatch: 3, front: 30, back: 30, grazing: 200, folds: 90, drape: 400 };
 const SIDE = 512;
-const MOST_WORKERS = 16;
+const MAX_WORKERS = 16;
 
 function srgbOf(hex: string): number[] {
   return [1, 3, 5].map((at) => parseInt(hex.slice(at, at + 2), 16) / 255);
@@ -20,7 +20,8 @@ function hexOf(srgb: ArrayLike<number>): string {
 /** The view of a cloth. */
 export class ClothView {
   private workers: Worker[] = [];
-  private parts: { samples: number; linear: Float32Array }[] = [];
+  /** By width of the picture, what each worker has of it. */
+  private parts = new Map<number, { samples: number; linear: Float32Array }[]>();
   private readonly canvas = element<HTMLCanvasElement>("picture");
   private readonly scene = element<HTMLSelectElement>("scene");
   private readonly own = element<HTMLInputElement>("own");
@@ -35,6 +36,10 @@ export class ClothView {
   private to = [0, 0, 0];
   private begun = 0;
   private asked = false;
+  /** Whether the scene has told where its camera is. */
+  private hasView = false;
+  /** Whether the camera stays where it is though the picture is new. */
+  private isKept = false;
 
   constructor(
     private readonly link: Link,
@@ -73,10 +78,12 @@ export class ClothView {
     turning(this.canvas, (about, up) => this.turn(about, up));
   }
 
-  /** Loads a cloth into every worker. Resolves to what it is once the first has it. */
-  open(bytes: Uint8Array, file: string): Promise<string> {
+  /** Loads a cloth into every worker, `anew` or where the camera is. Resolves to what it is once the first has it. */
+  open(bytes: Uint8Array, file: string, anew = true): Promise<string> {
+    this.isKept = !anew && this.hasView;
     this.close();
-    const count = Math.max(1, Math.min(MOST_WORKERS, navigator.hardwareConcurrency || 1));
+    const count = Math.max(1, Math.min(MAX_WORKERS, navigator.hardwareConcurrency || 1));
+    let known = false;
     return new Promise((resolve, reject) => {
       for (let part = 0; part < count; part++) {
         const worker = new Worker(new URL("./worker.ts", import.meta.url), { type: "module" });
@@ -86,8 +93,11 @@ export class ClothView {
             reject(new Error(message.text));
             this.fault(message.text);
           } else if (message.kind === "loaded") {
-            if (part === 0) resolve(this.loaded(message));
+            // The first that has it sets the scene, which all others then start with.
+            if (!known) resolve(this.loaded(message));
+            known = true;
             this.send(worker, this.startOf());
+            if (this.isKept) this.send(worker, { kind: "look", id: this.id, from: this.from, to: this.to });
           } else {
             this.heard(message);
           }
@@ -99,11 +109,18 @@ export class ClothView {
     });
   }
 
-  /** Stops all work. */
+  /** Stops all work; the picture stays. */
   close(): void {
     this.workers.forEach((worker) => worker.terminate());
     this.workers = [];
-    this.parts = [];
+    this.parts.clear();
+  }
+
+  /** Stops all work and forgets the picture. */
+  clear(): void {
+    this.close();
+    this.hasView = false;
+    this.canvas.width = this.canvas.height = SIDE;
   }
 
   private loaded(about: Answer & { kind: "loaded" }): string {
@@ -138,7 +155,7 @@ export class ClothView {
   private begin(): void {
     this.id++;
     this.begun = performance.now();
-    this.parts = [];
+    this.parts.clear();
   }
 
   private startOf(): Ask {
@@ -155,6 +172,7 @@ export class ClothView {
     this.sizeMm = mm;
     this.setSize(Math.log10(mm));
     this.link.set("size", Math.log10(mm));
+    this.isKept = false;
     // Another size than the last, however little: the camera is the scene's again.
     this.sizeMm *= 1 + 1e-6 * (this.id % 7);
     this.start();
@@ -174,11 +192,14 @@ export class ClothView {
   }
 
   private heard(message: Answer): void {
-    if (message.kind === "started" && message.id === this.id) {
+    if (message.kind === "started" && message.id === this.id && !this.isKept) {
+      this.hasView = true;
       this.from = [...message.view.subarray(0, 3)];
       this.to = [...message.view.subarray(3, 6)];
     } else if (message.kind === "pass" && message.id === this.id) {
-      this.parts[message.part] = message;
+      const parts = this.parts.get(message.side) ?? [];
+      parts[message.part] = message;
+      this.parts.set(message.side, parts);
       this.ask();
     }
   }
@@ -193,11 +214,15 @@ export class ClothView {
   }
 
   private draw(): void {
-    const parts = this.parts.filter((part) => part);
-    if (parts.length === 0) return;
+    const whole = (parts: unknown[]) => parts.filter((part) => part).length === this.workers.length;
+    // The finest that all workers have.
+    const side = Math.max(0, ...[...this.parts].filter(([, parts]) => whole(parts)).map(([side]) => side));
+    const parts = this.parts.get(side);
+    if (!parts) return;
     const scale = 2 ** this.exposure;
-    const image = new ImageData(SIDE, SIDE);
-    for (let pixel = 0; pixel < SIDE * SIDE; pixel++) {
+    if (this.canvas.width !== side) this.canvas.width = this.canvas.height = side;
+    const image = new ImageData(side, side);
+    for (let pixel = 0; pixel < side * side; pixel++) {
       for (let c = 0; c < 3; c++) {
         let sum = 0;
         for (const part of parts) sum += part.linear[3 * pixel + c] ?? 0;
@@ -209,10 +234,12 @@ export class ClothView {
     this.canvas.getContext("2d")?.putImageData(image, 0, 0);
     const samples = parts.map((part) => part.samples);
     const seconds = (performance.now() - this.begun) / 1000;
-    const rate = (samples.reduce((a, b) => a + b, 0) * SIDE * SIDE) / this.workers.length / seconds / 1000;
+    const rate = (samples.reduce((a, b) => a + b, 0) * side * side) / this.workers.length / seconds / 1000;
     element("progress").textContent =
       `${Math.min(...samples)} samples a pixel in ${seconds.toFixed(1)} s, ${rate.toFixed(0)} k paths/s by ${this.workers.length} workers`;
-    this.canvas.dataset.samples = String(parts.length === this.workers.length ? Math.min(...samples) : 0);
+    this.canvas.dataset.side = String(side);
+    this.canvas.dataset.samples = String(Math.min(...samples));
+    this.canvas.dataset.even = String(Number(samples.every((count) => count === samples[0])));
   }
 
   private save(): void {

@@ -9,12 +9,9 @@ out vec3 place;
 out float level;
 const float PI = 3.141592653589793;
 void main() {
-  // Two triangles a cell of the grid; columns close around.
-  int cell = gl_VertexID / 6;
-  ivec2 corner = ivec2[6](ivec2(0, 0), ivec2(1, 0), ivec2(0, 1), ivec2(0, 1), ivec2(1, 0), ivec2(1, 1))[gl_VertexID % 6];
-  int row = cell / size.x + corner.y;
-  int column = cell % size.x + corner.x;
-  float value = texelFetch(f, ivec2(column % size.x, row), 0).r;
+  int row = gl_VertexID / size.x;
+  int column = gl_VertexID % size.x;
+  float value = texelFetch(f, ivec2(column, row), 0).r;
   float angle = PI * (float(row) + 0.5) / float(size.y);
   float phi = 2.0 * PI * (float(column) + 0.5) / float(size.x);
   level = pow(max(value, 0.0) / largest, 0.4);
@@ -70,6 +67,25 @@ function program(gl: WebGL2RenderingContext, vertex: string, fragment: string): 
   return made;
 }
 
+/** Two triangles a cell of the grid; columns close around. */
+function triangles(rows: number, columns: number): Uint16Array {
+  const corners: number[] = [];
+  for (let row = 0; row + 1 < rows; row++) {
+    for (let column = 0; column < columns; column++) {
+      const [a, b] = [row * columns + column, row * columns + ((column + 1) % columns)];
+      corners.push(a, b, a + columns, a + columns, b, b + columns);
+    }
+  }
+  return Uint16Array.from(corners);
+}
+
+/** A grid of values over the sphere, on the graphics processor. */
+interface Grid {
+  readonly rows: number;
+  readonly texture: WebGLTexture;
+  readonly triangles: WebGLBuffer;
+}
+
 /** The surface, the ply's axis and the beam. */
 export class LobeSurface {
   private readonly gl: WebGL2RenderingContext;
@@ -80,44 +96,57 @@ export class LobeSurface {
   private up = 0.35;
   private thetaI = 0;
   private largest = 1;
+  private readonly grids: Grid[] = [];
+  private shown: Grid | null = null;
+  /** Pixels of the canvas to one of the screen: more when nothing moves, against jagged edges. */
+  private sharpness = 1;
 
-  constructor(
-    private readonly canvas: HTMLCanvasElement,
-    readonly rows: number,
-    readonly columns: number,
-  ) {
-    const gl = canvas.getContext("webgl2", { antialias: true, preserveDrawingBuffer: true });
+  constructor(private readonly canvas: HTMLCanvasElement) {
+    const gl = canvas.getContext("webgl2", { antialias: false });
     if (!gl) throw new Error("This browser has no WebGL2, which the lobes are drawn with.");
     this.gl = gl;
     this.surface = program(gl, VERTEX, FRAGMENT);
     this.line = program(gl, LINE_VERTEX, LINE_FRAGMENT);
-    gl.bindTexture(gl.TEXTURE_2D, gl.createTexture());
-    gl.texStorage2D(gl.TEXTURE_2D, 1, gl.R32F, columns, rows);
-    for (const filter of [gl.TEXTURE_MIN_FILTER, gl.TEXTURE_MAG_FILTER]) gl.texParameteri(gl.TEXTURE_2D, filter, gl.NEAREST);
     this.lines = gl.createBuffer();
     gl.bindBuffer(gl.ARRAY_BUFFER, this.lines);
     gl.enable(gl.DEPTH_TEST);
   }
 
-  /** Turns the view [rad]. */
+  private grid(rows: number): Grid {
+    const known = this.grids.find((grid) => grid.rows === rows);
+    if (known) return known;
+    const gl = this.gl;
+    const grid = { rows, texture: gl.createTexture(), triangles: gl.createBuffer() };
+    gl.bindTexture(gl.TEXTURE_2D, grid.texture);
+    gl.texStorage2D(gl.TEXTURE_2D, 1, gl.R32F, 2 * rows, rows);
+    for (const filter of [gl.TEXTURE_MIN_FILTER, gl.TEXTURE_MAG_FILTER]) gl.texParameteri(gl.TEXTURE_2D, filter, gl.NEAREST);
+    gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, grid.triangles);
+    gl.bufferData(gl.ELEMENT_ARRAY_BUFFER, triangles(rows, 2 * rows), gl.STATIC_DRAW);
+    this.grids.push(grid);
+    return grid;
+  }
+
+  /** Turns the view [rad], for the next drawing. */
   turn(about: number, up: number): void {
     this.about += about;
     this.up = Math.max(-1.5, Math.min(1.5, this.up + up));
-    this.draw();
   }
 
-  /** Shows values of `Ply.map`, of a beam at this latitude. */
-  show(f: Float32Array, thetaI: number): void {
+  /** Shows values of `Ply.map` of so many rows and twice the columns, of a beam at this latitude. */
+  show(f: Float32Array, rows: number, thetaI: number, sharpness: number): void {
     const gl = this.gl;
-    gl.texSubImage2D(gl.TEXTURE_2D, 0, 0, 0, this.columns, this.rows, gl.RED, gl.FLOAT, f);
-    this.thetaI = thetaI;
+    this.shown = this.grid(rows);
+    gl.bindTexture(gl.TEXTURE_2D, this.shown.texture);
+    gl.texSubImage2D(gl.TEXTURE_2D, 0, 0, 0, 2 * rows, rows, gl.RED, gl.FLOAT, f);
+    [this.thetaI, this.sharpness] = [thetaI, sharpness];
     this.largest = f.reduce((a, b) => Math.max(a, b), 1e-9);
     this.draw();
   }
 
   draw(): void {
-    const gl = this.gl;
-    const side = Math.max(1, Math.round(this.canvas.clientWidth * devicePixelRatio));
+    const { gl, shown } = this;
+    if (!shown) return;
+    const side = Math.max(1, Math.round(this.canvas.clientWidth * devicePixelRatio * this.sharpness));
     if (this.canvas.width !== side) this.canvas.width = this.canvas.height = side;
     gl.viewport(0, 0, side, side);
     gl.clearColor(0, 0, 0, 0);
@@ -127,9 +156,11 @@ export class LobeSurface {
     const turn = new Float32Array([ca, su * sa, -cu * sa, 0, cu, su, sa, -su * ca, cu * ca]);
     gl.useProgram(this.surface);
     gl.uniformMatrix3fv(gl.getUniformLocation(this.surface, "turn"), false, turn);
-    gl.uniform2i(gl.getUniformLocation(this.surface, "size"), this.columns, this.rows);
+    gl.uniform2i(gl.getUniformLocation(this.surface, "size"), 2 * shown.rows, shown.rows);
+    gl.bindTexture(gl.TEXTURE_2D, shown.texture);
+    gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, shown.triangles);
     gl.uniform1f(gl.getUniformLocation(this.surface, "largest"), this.largest);
-    gl.drawArrays(gl.TRIANGLES, 0, 6 * this.columns * (this.rows - 1));
+    gl.drawElements(gl.TRIANGLES, 12 * shown.rows * (shown.rows - 1), gl.UNSIGNED_SHORT, 0);
     gl.useProgram(this.line);
     gl.uniformMatrix3fv(gl.getUniformLocation(this.line, "turn"), false, turn);
     const to = [Math.sin(this.thetaI), Math.cos(this.thetaI), 0];

@@ -4,12 +4,14 @@ import { ClothView } from "./cloth_view";
 import { element } from "./dom";
 import { Link } from "./link";
 import { PlyView } from "./ply_view";
+import { specOfWif, WeaveView } from "./weave_view";
 import { initSync, kindOf, version } from "../pkg/plywave_web.js";
 import wasm from "../pkg/plywave_web_bg.wasm?url";
 import "./style.css";
 
 /** Largest file that is read [bytes]. */
 const LARGEST = 64 * 2 ** 20;
+const LARGEST_SPEC = 2 ** 20;
 
 const link = new Link();
 const models = element<HTMLSelectElement>("models");
@@ -28,14 +30,48 @@ function sentence(error: unknown): string {
 class Page {
   private ply: PlyView | null = null;
   private readonly cloth: ClothView;
+  private readonly weave = new WeaveView(
+    // The loom has all cores.
+    () => this.cloth.close(),
+    (bytes, file) => this.showCloth(bytes, file),
+  );
 
   constructor(module: WebAssembly.Module) {
     this.cloth = new ClothView(link, module, fault);
   }
 
-  /** Shows a file. */
-  async show(bytes: Uint8Array, file: string): Promise<void> {
+  /** Shows a cloth, in the scene of the last. */
+  private async showCloth(bytes: Uint8Array, file: string): Promise<void> {
+    try {
+      about.textContent = await this.cloth.open(bytes, file, false);
+    } catch (error) {
+      about.textContent = "";
+      fault(sentence(error));
+    }
+  }
+
+  /** Opens a spec, or a weavers' file. */
+  private openSpec(bytes: Uint8Array, file: string, given: Map<string, Uint8Array>): void {
+    if (bytes.length > LARGEST_SPEC) {
+      fault(`${file}: ${(bytes.length / 2 ** 20).toFixed(1)} MiB; a spec has at most 1 MiB.`);
+      return;
+    }
+    this.cloth.clear();
+    element<HTMLElement>("ply").hidden = true;
+    element<HTMLElement>("cloth").hidden = false;
+    about.textContent = file;
+    const isWif = /\.wif$/i.test(file);
+    this.weave.open(isWif ? specOfWif(file) : new TextDecoder().decode(bytes), isWif ? file.replace(/\.wif$/i, ".toml") : file, given);
+  }
+
+  /** Shows a file; `given` are those that came with it. */
+  async show(bytes: Uint8Array, file: string, given = new Map<string, Uint8Array>()): Promise<void> {
     fault("");
+    this.weave.close();
+    if (/\.(toml|wif)$/i.test(file)) {
+      this.openSpec(bytes, file, given);
+      return;
+    }
     const kind = kindOf(bytes);
     this.cloth.close();
     element<HTMLElement>("ply").hidden = kind !== "ply";
@@ -46,12 +82,9 @@ class Page {
         about.textContent = this.ply.open(bytes, file);
       } else if (kind === "cloth") {
         about.textContent = await this.cloth.open(bytes, file);
-      } else if (/\.(toml|wif)$/i.test(file)) {
-        about.textContent = "";
-        fault(`${file}: a spec becomes a model by the program: plywave weave ${file} -o cloth.pwc, or plywave build. Open that file here, or run plywave view ${file}.`);
       } else {
         about.textContent = "";
-        fault(`${file}: not a model of plywave. Open a ply model (.pwm) or a cloth (.pwc).`);
+        fault(`${file}: not a file of plywave. Open a ply model (.pwm), a cloth (.pwc), a cloth spec (.toml) or a weavers' file (.wif).`);
       }
     } catch (error) {
       element<HTMLElement>("ply").hidden = element<HTMLElement>("cloth").hidden = true;
@@ -73,14 +106,20 @@ class Page {
     }
   }
 
-  /** Shows a file of the user's. */
-  async read(file: File): Promise<void> {
-    if (file.size > LARGEST) {
-      fault(`${file.name}: ${(file.size / 2 ** 20).toFixed(0)} MiB; models have at most ${LARGEST / 2 ** 20} MiB.`);
+  /** Shows a file of the user's: a spec if there is one, with the files that it names. */
+  async read(files: FileList | undefined): Promise<void> {
+    const all = [...(files ?? [])];
+    const large = all.find((file) => file.size > LARGEST);
+    if (large) {
+      fault(`${large.name}: ${(large.size / 2 ** 20).toFixed(0)} MiB; models have at most ${LARGEST / 2 ** 20} MiB.`);
       return;
     }
+    const main = [".toml", ".wif", ".pwc", ""].map((end) => all.find((file) => file.name.toLowerCase().endsWith(end))).find((file) => file);
+    if (!main) return;
+    const given = new Map<string, Uint8Array>();
+    for (const file of all) given.set(file.name, new Uint8Array(await file.arrayBuffer()));
     models.value = "";
-    await this.show(new Uint8Array(await file.arrayBuffer()), file.name);
+    await this.show(given.get(main.name) ?? new Uint8Array(), main.name, given);
   }
 }
 
@@ -98,9 +137,7 @@ async function begin(): Promise<void> {
   });
   const input = element<HTMLInputElement>("file");
   input.addEventListener("change", () => {
-    const file = input.files?.[0];
-    if (file) void page.read(file);
-    input.value = "";
+    void page.read(input.files ?? undefined).finally(() => (input.value = ""));
   });
   addEventListener("dragover", (event) => {
     event.preventDefault();
@@ -110,8 +147,7 @@ async function begin(): Promise<void> {
   addEventListener("drop", (event) => {
     event.preventDefault();
     document.body.classList.remove("dropping");
-    const file = event.dataTransfer?.files[0];
-    if (file) void page.read(file);
+    void page.read(event.dataTransfer?.files);
   });
   element("link").addEventListener("click", () => {
     void navigator.clipboard?.writeText(location.href).catch(() => fault("The browser does not allow copying: copy the address."));

@@ -5,10 +5,13 @@ import type { Link } from "./link";
 import { LobeSurface } from "./lobe_surface";
 import { Ply } from "../pkg/plywave_web.js";
 
-const ROWS = 128;
-const COLUMNS = 256;
+/** Rows of directions while something moves and at rest, where sharp lobes are to show no facets; columns are twice as many. */
+const ROWS_MOVING = 64;
+const ROWS_AT_REST = 128;
+/** When all is at rest, after the last change [ms]. */
+const REST_MS = 150;
 /** Points of the polar plot. */
-const POINTS = 720;
+const POINTS = 360;
 /** Powers of ten that it spans. */
 const DECADES = 4;
 
@@ -20,10 +23,11 @@ function sigmaOf(slider: number): number {
 /** The view of a ply. */
 export class PlyView {
   private ply: Ply | null = null;
-  private readonly surface = new LobeSurface(element<HTMLCanvasElement>("lobe"), ROWS, COLUMNS);
+  private readonly surface = new LobeSurface(element<HTMLCanvasElement>("lobe"));
   private readonly values = { theta: 20, h: 0, sigma: 0.4, lambda: 550, edge: 1 };
   private readonly sliders: Record<"theta" | "h" | "sigma" | "lambda", (value: number) => void>;
   private asked = false;
+  private rest = 0;
   /** Times at which frames were drawn [ms], of the last second. */
   private frames: number[] = [];
 
@@ -41,8 +45,11 @@ export class PlyView {
     };
     const edge = element<HTMLInputElement>("edge");
     edge.addEventListener("change", () => change("edge")(Number(edge.checked)));
-    turning(element<HTMLCanvasElement>("lobe"), (about, up) => this.surface.turn(about, up));
-    addEventListener("resize", () => this.ply && this.surface.draw());
+    turning(element<HTMLCanvasElement>("lobe"), (about, up) => {
+      this.surface.turn(about, up);
+      this.ask();
+    });
+    addEventListener("resize", () => this.surface.draw());
     this.drawAxes();
   }
 
@@ -68,11 +75,13 @@ export class PlyView {
     this.asked = true;
     requestAnimationFrame(() => {
       this.asked = false;
-      this.draw();
+      this.draw(ROWS_MOVING);
+      clearTimeout(this.rest);
+      this.rest = window.setTimeout(() => this.draw(ROWS_AT_REST), REST_MS);
     });
   }
 
-  private draw(): void {
+  private draw(rows: number): void {
     const ply = this.ply;
     if (!ply) return;
     const theta = (this.values.theta * Math.PI) / 180;
@@ -80,7 +89,7 @@ export class PlyView {
     const sigma = sigmaOf(this.values.sigma);
     const lambda = this.values.lambda / 1000;
     const edge = this.values.edge !== 0 && ply.hasEdge;
-    this.surface.show(ply.map(theta, h, sigma, lambda, edge, ROWS, COLUMNS), theta);
+    this.surface.show(ply.map(theta, h, sigma, lambda, edge, rows, 2 * rows), rows, theta, rows === ROWS_AT_REST ? 2 : 1);
     const directions = new Float32Array(3 * POINTS);
     for (let k = 0; k < POINTS; k++) {
       const phi = (2 * Math.PI * k) / POINTS;

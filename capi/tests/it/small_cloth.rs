@@ -2,7 +2,7 @@
 
 use plywave::PlyModel;
 use plywave::cloth::{ClothCurves, ClothData, ClothYarn, Lattice, PlyCurve};
-use plywave_sim::cloth::make_ready;
+use plywave_sim::cloth::{Effort, make_ready};
 use std::sync::Arc;
 
 const FABRICS: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../fabrics");
@@ -45,5 +45,13 @@ pub(crate) fn cloth(kinds: u32) -> ClothData {
     };
     let model = Arc::new(PlyModel::load(format!("{FABRICS}/models/polyester.pwm")).expect("a model that ships"));
     let name = if kinds == 1 { "sheet" } else { "plain" };
-    make_ready(&spec, name, &curves, &vec![model; kinds as usize], kinds == 2, &|_| true).expect("a cloth")
+    make_ready(
+        &spec,
+        name,
+        &curves,
+        &vec![model; kinds as usize],
+        if kinds == 2 { Effort::Full } else { Effort::Near },
+        &|_| true,
+    )
+    .expect("a cloth")
 }

@@ -18,6 +18,8 @@ use std::time::Duration;
 static SITE: &[(&str, &[u8])] = include!(concat!(env!("OUT_DIR"), "/site.rs"));
 /// Largest request [bytes].
 const MAX_REQUEST: u64 = 1 << 14;
+/// List of the models that the site has.
+const INDEX: &str = "models/index.json";
 /// Longest that a browser may take to ask or to read.
 const PATIENCE: Duration = Duration::from_secs(30);
 
@@ -27,21 +29,17 @@ type Files = BTreeMap<String, Cow<'static, [u8]>>;
 /// Runs the command.
 pub fn run(cli: &Cli, args: &ViewArgs) -> Outcome {
     let mut files = site(args)?;
-    let mut names = Vec::new();
     if let Some(file) = &args.file {
         let (name, bytes) = model(cli, file)?;
         files.insert(format!("models/{name}"), Cow::Owned(bytes));
-        names.push(name);
+        // The page shows the first of the list.
+        let mut names: Vec<String> =
+            files.get(INDEX).and_then(|index| serde_json::from_slice(index).ok()).unwrap_or_default();
+        names.retain(|other| *other != name);
+        names.insert(0, name);
+        let index = serde_json::to_vec(&names).map_err(|e| Failure::Input(format!("list of models: {e}")))?;
+        files.insert(INDEX.into(), Cow::Owned(index));
     }
-    for (name, bytes) in plywave_models::MODELS {
-        let name = format!("{name}.pwm");
-        if !names.contains(&name) {
-            files.insert(format!("models/{name}"), Cow::Borrowed(*bytes));
-            names.push(name);
-        }
-    }
-    let index = serde_json::to_vec(&names).map_err(|e| Failure::Input(format!("list of models: {e}")))?;
-    files.insert("models/index.json".into(), Cow::Owned(index));
     let refused = |e: std::io::Error| Failure::input("command line", "--port", args.port, &format!("{e}; use another"));
     let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, args.port)).map_err(refused)?;
     let port = listener.local_addr().map_err(refused)?.port();
@@ -91,8 +89,7 @@ fn read(folder: &Path, prefix: &str, files: &mut Files) -> std::io::Result<()> {
         let entry = entry?;
         let name = format!("{prefix}{}", entry.file_name().to_string_lossy());
         match entry.file_type()? {
-            // The models are in the program anyway.
-            kind if kind.is_dir() && name != "models" => read(&entry.path(), &format!("{name}/"), files)?,
+            kind if kind.is_dir() => read(&entry.path(), &format!("{name}/"), files)?,
             kind if kind.is_file() => drop(files.insert(name, Cow::Owned(std::fs::read(entry.path())?))),
             _ => (),
         }

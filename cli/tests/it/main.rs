@@ -27,5 +27,6 @@ mod shell;
 mod strands;
 mod threads;
 mod twin;
+mod view;
 mod wave;
 mod yarn;

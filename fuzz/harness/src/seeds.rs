@@ -7,7 +7,7 @@ use plywave::ply::{FamilyAxis, FamilyData, FamilyParam, PlyData};
 use plywave::spec::YarnSpec;
 use plywave::speckle::{NoiseSpectrum, SpecklePatterns};
 use plywave::twin::{CLASSES, ClothTwin, SphereBins};
-use plywave_sim::cloth::{CurveFormat, make_cloth, make_ready, write_curves};
+use plywave_sim::cloth::{CurveFormat, Effort, make_cloth, make_ready, write_curves};
 use plywave_sim::runs::{self, Job, Run};
 use plywave_sim::twin::{TwinCurves, TwinJob, TwinOptions};
 use plywave_sim::wave::{ScatterJob, Scene, SpeckleJob, SpeckleOptions};
@@ -147,13 +147,13 @@ const PLAIN: &str = "name = \"plain\"\ncolor_of = \"even_sky\"\n[weave]\nkind = 
 fn plain() -> ClothCurves {
     let spec = ClothSpec::parse(PLAIN, "c.toml").expect("a good spec");
     let no_file = |name: &str| -> plywave::Result<Vec<u8>> { panic!("{name} is not to be read") };
-    make_cloth(&spec, "c.toml", &mut |name| no_file(name), &|| true).expect("a cloth").curves
+    make_cloth(&spec, "c.toml", &mut |name| no_file(name), Effort::Full, &|| true).expect("a cloth").curves
 }
 
 /// A small cloth, with the mean over the cell.
 pub static CLOTH: LazyLock<ClothData> = LazyLock::new(|| {
     let model = Arc::new(PlyModel::load(root().join("tests/data/small.pwm")).expect("the small model"));
-    make_ready(PLAIN, "plain", &plain(), &[model.clone(), model], true, &|_| true).expect("a cloth")
+    make_ready(PLAIN, "plain", &plain(), &[model.clone(), model], Effort::Full, &|_| true).expect("a cloth")
 });
 
 /// A file of a small cloth.

@@ -12,7 +12,7 @@ use plywave::table::Table;
 use plywave::twin::ClothTwin;
 use plywave::{Bsdf, ClothQuery, FiberQuery, PlyModel, PlyQuery};
 use plywave_render::{Basis, Environment, Film, Light, Mesh, Scene, StrandFile, StrandShape, StrandTree, Strands};
-use plywave_sim::cloth::make_cloth;
+use plywave_sim::cloth::{Effort, make_cloth};
 use plywave_sim::runs::{AnyJob, PartFile, Parts};
 use plywave_sim::twin::TwinCurves;
 use plywave_sim::wave::SingleFiber;
@@ -239,7 +239,7 @@ pub fn curves(bytes: &[u8]) {
             if ending == "bcc" { "cell_um = [[250.0, 250.0], [0.0, 500.0]]\n" } else { "" }
         );
         let spec = ClothSpec::parse(&text, "c.toml").expect("a good spec");
-        let made = loaded(make_cloth(&spec, "c.toml", &mut |_| Ok(bytes.to_vec()), &|| true));
+        let made = loaded(make_cloth(&spec, "c.toml", &mut |_| Ok(bytes.to_vec()), Effort::Full, &|| true));
         let Some(made) = made else { continue };
         assert!(made.measures.thickness_um > 0.0 && (0.0..=1.0).contains(&made.measures.openness));
         let lines = ClothLines::new(&made.curves).expect("measured curves");

@@ -145,6 +145,33 @@ fn renders_go_on_to_the_same_picture() {
 }
 
 #[test]
+fn parts_add_up_to_the_picture() {
+    let surface = Diffuse { up: 0.6, down: 0.2 };
+    let (scene, camera) = Setup::Swatch.scene(3.0, None, None);
+    let options = RenderOptions { samples: 3, depth: 8, seed: 1 };
+    let stop = AtomicBool::new(false);
+    let pixels = |mut film: Film| {
+        render(&scene, &camera, &surface, &mut film, &options, &stop, &mut |_| Ok(())).unwrap();
+        let at = |y: u32| (0..film.width()).map(move |x| (x, y));
+        (0..film.height()).flat_map(at).map(|(x, y)| film.linear(FilmView::Light, x, y)).collect::<Vec<_>>()
+    };
+    // No whole number of tiles.
+    let (width, height, parts) = (75, 50, 3);
+    let whole = pixels(Film::new(width, height).unwrap());
+    let mut sum = vec![[0.0; 3]; whole.len()];
+    for part in 0..parts {
+        let mut seen = 0;
+        for (sum, pixel) in sum.iter_mut().zip(pixels(Film::new_part(width, height, part, parts).unwrap())) {
+            seen += usize::from(pixel != [0.0; 3]);
+            *sum = [0, 1, 2].map(|c| sum[c] + pixel[c]);
+        }
+        assert!((1..whole.len() / 2).contains(&seen), "part {part} has {seen} pixels");
+    }
+    assert!(whole.iter().any(|pixel| pixel[1] > 0.0));
+    assert_eq!(sum, whole);
+}
+
+#[test]
 fn stopped_renders_say_so() {
     let (scene, camera) = Setup::Folds.scene(20.0, None, None);
     let mut film = Film::new(8, 8).unwrap();

@@ -3,6 +3,7 @@
 use super::files::source_curves;
 use super::knitted;
 use super::measure::{ClothMeasures, measure};
+use super::ready::Effort;
 use super::relax::{Chain, Elements, MAX_OVERLAP, Relaxed, relax};
 use super::woven::{MAX_NODES, Start, woven};
 use crate::error::SimError;
@@ -38,7 +39,7 @@ pub struct MadeCloth {
 const SPACING_UM: std::ops::RangeInclusive<f64> = 10.0..=1e5;
 
 /// Makes the curves of a cloth. `read` gives the bytes of the file that a spec names, of a WIF or of curves;
-/// `go_on` is asked at every step of the relaxation and may stop it.
+/// `go_on` is asked at every step of the relaxation and may stop it. A draft is relaxed in fewer steps.
 ///
 /// # Errors
 /// [`SimError::Stopped`], and [`Error::Invalid`] for a draft that leaves a yarn unbound, yarns too thick for
@@ -47,6 +48,7 @@ pub fn make_cloth(
     spec: &ClothSpec,
     file: &str,
     read: &mut dyn FnMut(&str) -> Result<Vec<u8>, Error>,
+    effort: Effort,
     go_on: &(dyn Fn() -> bool + Sync),
 ) -> Result<MadeCloth, SimError> {
     let mut notes = Vec::new();
@@ -109,7 +111,7 @@ pub fn make_cloth(
                 let start = woven(&draft, yarns, spacing.map(|s| s * scale));
                 start.ok_or_else(|| invalid("weave", "(spacing)".into(), "use spacings above 0".into()))
             };
-            let (start, relaxed) = relaxed(at(1.0)?, spec.thickness_um, go_on)?;
+            let (start, relaxed) = relaxed(at(1.0)?, spec.thickness_um, effort, go_on)?;
             if relaxed.overlap <= MAX_OVERLAP {
                 let mut made = finished(start, spec, Some(relaxed), notes)?;
                 for (own, colors) in made.colors.iter_mut().zip(in_wif) {
@@ -122,7 +124,7 @@ pub fn make_cloth(
             // Too dense: by how much, and what would go.
             let overlap_um = relaxed.overlap * 0.5 * (yarns[0].strand_radius_um() + yarns[1].strand_radius_um());
             let goes = |scale: f64| -> Result<bool, SimError> {
-                Ok(self::relaxed(at(scale)?, spec.thickness_um, go_on)?.1.overlap <= MAX_OVERLAP)
+                Ok(self::relaxed(at(scale)?, spec.thickness_um, effort, go_on)?.1.overlap <= MAX_OVERLAP)
             };
             let (mut low, mut high) = (1.0, None);
             for step in 1..=TRIES {
@@ -155,7 +157,7 @@ pub fn make_cloth(
         }
         ClothWeave::Knitted(knit, yarn) => {
             let start = knitted::knitted(knit, yarn).map_err(|(key, value, hint)| invalid(key, value, hint))?;
-            let (start, relaxed) = relaxed(start, spec.thickness_um, go_on)?;
+            let (start, relaxed) = relaxed(start, spec.thickness_um, effort, go_on)?;
             check_overlap(&relaxed, yarn).map_err(|(value, hint)| invalid("yarn.count", value, hint))?;
             finished(start, spec, Some(relaxed), notes)
         }
@@ -180,7 +182,7 @@ pub fn make_cloth(
                 return Err(invalid("curves.file", format!("{nodes:.1e} nodes"), hint));
             }
             let start = start_of(&curves, lattice, yarn);
-            let (start, relaxed) = relaxed(start, spec.thickness_um, go_on)?;
+            let (start, relaxed) = relaxed(start, spec.thickness_um, effort, go_on)?;
             check_overlap(&relaxed, yarn).map_err(|(value, hint)| invalid("yarn.count", value, hint))?;
             finished(start, spec, Some(relaxed), notes)
         }
@@ -216,10 +218,11 @@ fn twist_notes(start: &Start, spec: &ClothSpec) -> Vec<String> {
 fn relaxed(
     mut start: Start,
     thickness_um: Option<f64>,
+    effort: Effort,
     go_on: &(dyn Fn() -> bool + Sync),
 ) -> Result<(Start, Relaxed), SimError> {
     start.elements.thickness_um = thickness_um;
-    let relaxed = relax(&mut start.elements, go_on).ok_or(SimError::Stopped)?;
+    let relaxed = relax(&mut start.elements, effort, go_on).ok_or(SimError::Stopped)?;
     Ok((start, relaxed))
 }
 

@@ -21,5 +21,5 @@ pub use files::{CurveFormat, write_curves};
 pub use hairs::{Hair, HairKind, HairRoots};
 pub use make::{MadeCloth, make_cloth};
 pub use measure::{ClothMeasures, ClothSolid, YarnMeasures, measure};
-pub use ready::{ClothStep, Told, make_ready};
+pub use ready::{ClothStep, Effort, Told, make_ready};
 pub use relax::{MAX_OVERLAP, Relaxed};

@@ -31,6 +31,17 @@ pub struct ClothStep {
 /// Called after each part, from any thread; `false` stops.
 pub type Told<'a> = &'a (dyn Fn(ClothStep) -> bool + Sync);
 
+/// How much of a cloth is made, and how well.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Effort {
+    /// As [`Effort::Near`] with a 32nd of the paths, for editors.
+    Draft,
+    /// All but the mean over the cell, whose pixels are then as those of a camera nearby.
+    Near,
+    /// All.
+    Full,
+}
+
 /// Makes a cloth of its curves: finds shadows, light between plies, the albedo and, some seconds more, the
 /// mean over the cell for pixels that cover many yarns. `models` has one for each kind of yarn. The result
 /// does not depend on the number of threads.
@@ -43,16 +54,16 @@ pub fn make_ready(
     name: &str,
     curves: &ClothCurves,
     models: &[Arc<PlyModel>],
-    has_far: bool,
+    effort: Effort,
     told: Told<'_>,
 ) -> Result<ClothData, SimError> {
     let models: Vec<Arc<PlyModel>> =
         models.iter().map(|m| Ok(Arc::new(m.of_lines()?))).collect::<Result<_, Error>>()?;
     let plies = ClothPlies::new(curves, &models)?;
-    let shadows = shadows::shadows(&plies, told)?;
+    let shadows = shadows::shadows(&plies, effort, told)?;
     let hairs = hairs::hair_layer(spec_text, curves, &plies, told)?;
     let paths = follow::ClothPaths { plies: &plies, shadows: &shadows, hairs: hairs.as_ref() };
-    let between = between::light_between(&paths, told)?;
+    let between = between::light_between(&paths, effort, told)?;
     let mut data = ClothData {
         spec_text: spec_text.into(),
         name: name.into(),
@@ -69,7 +80,7 @@ pub fn make_ready(
     let shaded = |data: &ClothData, options: &ClothOptions| ClothModel::from_data(data.clone(), options);
     let of_rays = shaded(&data, &ClothOptions::RAYS)?;
     data.albedo = parts("albedo", 1, told, |_| albedo(&of_rays))?[0];
-    if has_far {
+    if effort == Effort::Full {
         // The layer of hairs is added to the mean of the rest.
         let bare = ClothData { hairs: None, ..data.clone() };
         let cloth = shaded(&bare, &ClothOptions { gaps: GapLight::Diffracted, ..ClothOptions::RAYS })?;

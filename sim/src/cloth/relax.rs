@@ -14,6 +14,7 @@
 //! The result is the same on any number of threads: contacts are found in parallel and added in order.
 
 use super::minimize::minimize;
+use super::ready::Effort;
 use plywave::cloth::{Buckets, Lattice, whole_times};
 use plywave::math::vec3::{dot, sub};
 use rayon::prelude::*;
@@ -30,6 +31,8 @@ const SKIN: f64 = 0.6;
 /// Stages: stiffness of contact over mean tension and radius, force at which it ends over the tension, steps.
 const STAGES: [(f64, f64, usize); 4] =
     [(4.0, 1e-2, 600), (20.0, 3e-3, 1200), (100.0, 2e-3, 3000), (500.0, 2e-3, 12_000)];
+/// Most steps of a stage of a draft.
+const DRAFT_STEPS: usize = 600;
 /// Places along a chain nearer than this do not touch each other, over its radius.
 const OWN: f64 = 3.5;
 /// Largest overlap of two strands of a cloth over their mean radius.
@@ -343,7 +346,7 @@ fn energy(cloth: &Elements, nodes: &Nodes, pairs: &[Pair], stiffness: f64, x: &[
 }
 
 /// Relaxes a cloth in stages of stiffer contact. `go_on` is asked at every step and may stop the work.
-pub(super) fn relax(cloth: &mut Elements, go_on: &(dyn Fn() -> bool + Sync)) -> Option<Relaxed> {
+pub(super) fn relax(cloth: &mut Elements, effort: Effort, go_on: &(dyn Fn() -> bool + Sync)) -> Option<Relaxed> {
     let nodes = Nodes::new(cloth);
     let mut x: Vec<f64> = cloth.chains.iter().flat_map(|c| c.points_um.as_flattened().to_vec()).collect();
     let count = cloth.chains.len() as f64;
@@ -353,6 +356,7 @@ pub(super) fn relax(cloth: &mut Elements, go_on: &(dyn Fn() -> bool + Sync)) -> 
     let mut relaxed = Relaxed { nodes: nodes.len(), steps: 0, force: f64::INFINITY, overlap: 0.0 };
     let mut list = Vec::new();
     for (stiffness, force, steps) in STAGES {
+        let steps = if effort == Effort::Draft { steps.min(DRAFT_STEPS) } else { steps };
         let stiffness = stiffness * tension / radius;
         let mut searched: Vec<f64> = Vec::new();
         let minimum = minimize(&mut x, force * tension, steps, 0.2 * skin, |x, gradient| {

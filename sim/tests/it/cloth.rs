@@ -6,7 +6,7 @@ use plywave::cloth::{ClothCurves, ClothSpec, Lattice};
 use plywave::math::vec3::dot;
 use plywave::spec::ply_circle_um;
 use plywave_sim::SimError;
-use plywave_sim::cloth::{ClothSolid, CurveFormat, MadeCloth, make_cloth, measure, write_curves};
+use plywave_sim::cloth::{ClothSolid, CurveFormat, Effort, MadeCloth, make_cloth, measure, write_curves};
 use std::f64::consts::PI;
 
 fn no_file(name: &str) -> Result<Vec<u8>, Error> {
@@ -15,7 +15,7 @@ fn no_file(name: &str) -> Result<Vec<u8>, Error> {
 
 fn made(text: &str) -> Result<MadeCloth, SimError> {
     let spec = ClothSpec::parse(text, "cloth.toml")?;
-    make_cloth(&spec, "cloth.toml", &mut |name| no_file(name), &|| true)
+    make_cloth(&spec, "cloth.toml", &mut |name| no_file(name), Effort::Full, &|| true)
 }
 
 fn shipped(name: &str) -> String {
@@ -278,7 +278,7 @@ fn curves_come_back_from_files() {
             "name = \"x\"\n[curves]\nfile = \"{file}\"\n{cell}[yarn]\ncount = {{ tex = 20 }}\ndensity_g_per_cm3 = 1.5\n"
         );
         let spec = ClothSpec::parse(&text, "cloth.toml").unwrap();
-        let back = make_cloth(&spec, "cloth.toml", &mut |_| Ok(bytes.clone()), &|| true).unwrap();
+        let back = make_cloth(&spec, "cloth.toml", &mut |_| Ok(bytes.clone()), Effort::Full, &|| true).unwrap();
         let (lattice, other) =
             (Lattice::new(cloth.curves.cell_um).unwrap(), Lattice::new(back.curves.cell_um).unwrap());
         assert_eq!(back.curves.curves.len(), cloth.curves.curves.len());
@@ -294,7 +294,7 @@ fn curves_come_back_from_files() {
         assert!((back.measures.overlap - cloth.measures.overlap).abs() < 2e-3);
         // Relaxed they stay in place but for the bending, and keep their lengths.
         let spec = ClothSpec::parse(&text.replace("[yarn]", "relax = true\n[yarn]"), "cloth.toml").unwrap();
-        let again = make_cloth(&spec, "cloth.toml", &mut |_| Ok(bytes.clone()), &|| true).unwrap();
+        let again = make_cloth(&spec, "cloth.toml", &mut |_| Ok(bytes.clone()), Effort::Full, &|| true).unwrap();
         assert!(again.measures.overlap < 0.02 && again.relaxed.is_some());
         assert!((again.measures.thickness_um / cloth.measures.thickness_um - 1.0).abs() < 0.05);
     }
@@ -352,7 +352,9 @@ fn impossible_cloths_are_refused() {
         let yarns =
             format!("<Yarn><YarnSection><Section Width=\"0.2\" Height=\"0.2\"/></YarnSection>{repeats}{nodes}</Yarn>");
         let file = format!("<TexGenModel><Textile>{yarns}{yarns}</Textile></TexGenModel>");
-        make_cloth(&spec, "cloth.toml", &mut |_| Ok(file.clone().into_bytes()), &|| true).unwrap_err().to_string()
+        make_cloth(&spec, "cloth.toml", &mut |_| Ok(file.clone().into_bytes()), Effort::Full, &|| true)
+            .unwrap_err()
+            .to_string()
     };
     let message = curves("0, 0, 0;0.25, 0, 0;0.5, 0.2, 0;0.75, 0.5, 0;0.8, 0.6, 0");
     assert!(message.contains("curve 1 is not periodic"), "{message}");

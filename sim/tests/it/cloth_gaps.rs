@@ -5,7 +5,7 @@ use plywave::bsdf::{Bsdf, BsdfSample};
 use plywave::check::check_bsdf;
 use plywave::cloth::{ClothModel, ClothOptions, ClothSpec, ColorOf, GapLight, YarnColor};
 use plywave::{ClothQuery, Error};
-use plywave_sim::cloth::make_cloth;
+use plywave_sim::cloth::{Effort, make_cloth};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 
@@ -153,13 +153,13 @@ fn a_wif_gives_colors() {
     let text = ORGANZA.spec_text.replace("kind = \"plain\"", "kind = \"wif\"\nfile = \"x.wif\"");
     let spec = ClothSpec::parse(&text, "wif").unwrap();
     let mut read = |_: &str| -> Result<Vec<u8>, Error> { Ok(wif.into()) };
-    let made = make_cloth(&spec, "wif", &mut read, &|| true).unwrap();
+    let made = make_cloth(&spec, "wif", &mut read, Effort::Full, &|| true).unwrap();
     // A plain weave: as the one of the spec.
     assert_eq!(made.curves, ORGANZA.curves);
     let [red, blue] = [[1.0, 0.0, 0.0], [0.0, 0.0, 1.0]];
     assert_eq!(made.colors, [vec![red, red, blue, blue, red, blue], vec![blue, red, blue, blue]]);
     let striped = text.replacen("srgb = [0.85, 0.78, 0.66]", "stripes = [{ count = 2, srgb = [0, 1, 0] }]", 1);
     let spec = ClothSpec::parse(&striped, "wif").unwrap();
-    let made = make_cloth(&spec, "wif", &mut read, &|| true).unwrap();
+    let made = make_cloth(&spec, "wif", &mut read, Effort::Full, &|| true).unwrap();
     assert_eq!(made.colors[0], vec![[0.0, 1.0, 0.0]; 2]);
 }

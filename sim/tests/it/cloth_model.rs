@@ -4,7 +4,7 @@ use plywave::bsdf::{Bsdf, BsdfSample};
 use plywave::cloth::{ClothData, ClothModel, ClothOptions, ClothSpec, ColorOf, GapLight, YarnColor};
 use plywave::twin::{ComparisonOptions, compare};
 use plywave::{ClothQuery, PlyModel};
-use plywave_sim::cloth::{make_cloth, make_ready};
+use plywave_sim::cloth::{Effort, make_cloth, make_ready};
 use plywave_sim::runs::Run;
 use plywave_sim::twin::{TwinCurves, TwinOptions, direction as twin_direction, twin};
 use std::f32::consts::TAU;
@@ -14,10 +14,11 @@ pub fn made(name: &str, plies: &[&str], has_far: bool) -> ClothData {
     let folder = format!("{}/../fabrics/cloths", env!("CARGO_MANIFEST_DIR"));
     let text = std::fs::read_to_string(format!("{folder}/{name}.toml")).unwrap();
     let spec = ClothSpec::parse(&text, name).unwrap();
-    let made = make_cloth(&spec, name, &mut |file| panic!("{file} is not to be read"), &|| true).unwrap();
+    let made = make_cloth(&spec, name, &mut |file| panic!("{file} is not to be read"), Effort::Full, &|| true).unwrap();
     let models: Vec<Arc<PlyModel>> =
         plies.iter().map(|ply| Arc::new(PlyModel::load(format!("{folder}/plies/{ply}.pwm")).unwrap())).collect();
-    make_ready(&text, name, &made.curves, &models, has_far, &|_| true).unwrap()
+    let effort = if has_far { Effort::Full } else { Effort::Near };
+    make_ready(&text, name, &made.curves, &models, effort, &|_| true).unwrap()
 }
 
 /// A knit, a woven cloth of plied yarns, and one under hairs.
@@ -219,7 +220,7 @@ fn any_query_is_answered() {
 fn foreign_models_are_refused() {
     let cotton = JERSEY.models.clone();
     let make = |models: &[Arc<PlyModel>]| {
-        make_ready(&ORGANZA.spec_text, "x", &ORGANZA.curves, models, false, &|_| true).unwrap_err().to_string()
+        make_ready(&ORGANZA.spec_text, "x", &ORGANZA.curves, models, Effort::Near, &|_| true).unwrap_err().to_string()
     };
     let message = make(&cotton);
     assert!(message.contains("1 models") && message.lines().count() == 1, "{message}");

@@ -9,7 +9,7 @@ use plywave::bsdf::Bsdf;
 use plywave::cloth::{ClothData, ClothModel, ClothOptions, ClothSpec};
 use plywave::twin::{ClothTwin, ComparisonOptions, compare};
 use plywave::{ClothQuery, PlyModel};
-use plywave_sim::cloth::{make_cloth, make_ready};
+use plywave_sim::cloth::{Effort, make_cloth, make_ready};
 use rayon::prelude::*;
 use std::f32::consts::TAU;
 use std::sync::Arc;
@@ -28,13 +28,13 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         println!("{what}: {:.1} ms", 1e3 * begun.elapsed().as_secs_f64());
         begun = Instant::now();
     };
-    let made = make_cloth(&spec, file, &mut read, &|| true)?;
+    let made = make_cloth(&spec, file, &mut read, Effort::Full, &|| true)?;
     told("curves");
     let models: Vec<Arc<PlyModel>> =
         models.iter().map(|m| Ok(Arc::new(PlyModel::load(m)?))).collect::<plywave::Result<_>>()?;
     let options = ClothOptions { sigma_per_um: Some(0.0), ..ClothOptions::RAYS };
     let text = std::fs::read_to_string(file)?;
-    let data = make_ready(&text, &spec.name, &made.curves, &models, false, &|_| true)?;
+    let data = make_ready(&text, &spec.name, &made.curves, &models, Effort::Near, &|_| true)?;
     told("cloth");
     let bytes = data.to_bytes()?;
     told("written");

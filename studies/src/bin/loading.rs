@@ -7,7 +7,7 @@
 
 use plywave::PlyModel;
 use plywave::cloth::{ClothData, ClothModel, ClothOptions, ClothSpec, Values};
-use plywave_sim::cloth::{make_cloth, make_ready};
+use plywave_sim::cloth::{Effort, make_cloth, make_ready};
 use std::path::Path;
 use std::sync::Arc;
 use std::time::Instant;
@@ -64,14 +64,15 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             let path = folder.join(file);
             std::fs::read(&path).map_err(|source| plywave::Error::Io { file: path.display().to_string(), source })
         };
-        let (made, curves) = timed(|| make_cloth(&spec, &name, &mut read, &|| true));
+        let (made, curves) = timed(|| make_cloth(&spec, &name, &mut read, Effort::Full, &|| true));
         let made = made?;
         let models = spec.yarns().into_iter().map(|yarn| {
             let model = yarn.model.as_ref().ok_or(format!("{name}: a yarn without model"))?;
             Ok(Arc::new(PlyModel::load(folder.join(model).with_extension("pwm"))?))
         });
         let models = models.collect::<Result<Vec<_>, Box<dyn std::error::Error>>>()?;
-        let (data, making) = timed(|| make_ready(&text, &spec.name, &made.curves, &models, far, &|_| true));
+        let effort = if far { Effort::Full } else { Effort::Near };
+        let (data, making) = timed(|| make_ready(&text, &spec.name, &made.curves, &models, effort, &|_| true));
         let bytes = data?.to_bytes()?;
         let (data, reading) = timed(|| ClothData::from_bytes(&bytes, &name));
         let options = ClothOptions { far, ..ClothOptions::default() };

@@ -1,7 +1,7 @@
 //! Values of a model by this machine's own code, to lay beside those of WebAssembly (`viewer/tests`).
 //!
-//! `cargo run --release -p plywave-web --example values -- FILE..`: for each file, the numbers of [`values`] as
-//! 32-bit floats, little endian.
+//! `cargo run --release -p plywave-web --example values -- FILE..`: for each file, the numbers of [`values`]
+//! as 32-bit floats, little endian.
 //!
 //! ci: build only
 

@@ -57,8 +57,8 @@ impl Cloth {
         self.model.cell_um().concat()
     }
 
-    /// Colors of its yarns, each once: sRGB, 0 to 1, three numbers each; none of yarns that have an absorption
-    /// instead.
+    /// Colors of its yarns, each once: sRGB, 0 to 1, three numbers each; none of yarns that have an
+    /// absorption instead.
     pub fn colors(&self) -> Vec<f32> {
         self.model.colors().iter().flat_map(|reach| reach.asked).collect()
     }
@@ -69,8 +69,8 @@ impl Cloth {
     /// A color that is not three numbers from 0 to 1.
     #[wasm_bindgen(js_name = withColors)]
     pub fn with_colors(&self, warp: &[f32], weft: &[f32]) -> Result<Cloth, JsError> {
-        let color = |srgb: &[f32]| match srgb.as_array::<3>() {
-            Some(srgb) if srgb.iter().all(|v| (0.0..=1.0).contains(v)) => Ok(YarnColor::Srgb(*srgb)),
+        let color = |srgb: &[f32]| match <[f32; 3]>::try_from(srgb) {
+            Ok(srgb) if srgb.iter().all(|v| (0.0..=1.0).contains(v)) => Ok(YarnColor::Srgb(srgb)),
             _ => Err(JsError::new("a color is three numbers from 0 to 1")),
         };
         let model = Rc::new(self.model.with_colors([color(warp)?, color(weft)?], ColorOf::EvenSky));
@@ -85,8 +85,8 @@ impl Cloth {
         Cloth { model, name: self.name.clone(), notes: self.notes.clone() }
     }
 
-    /// f [1/sr], the cosine of `wi` included, at a point [um], at the wavelength `lambda_um`, with a footprint
-    /// [um], seen from `wo`, for light from directions `wi`, three numbers each.
+    /// f [1/sr], the cosine of `wi` included, at a point [um], at the wavelength `lambda_um`, with a
+    /// footprint [um], seen from `wo`, for light from directions `wi`, three numbers each.
     ///
     /// # Errors
     /// A point that is not two numbers, a `wo` that is not three.
@@ -98,10 +98,10 @@ impl Cloth {
         lambda_um: f32,
         wi: &[f32],
     ) -> Result<Vec<f32>, JsError> {
-        let (Some(point), Some(wo)) = (point_um.as_array(), wo.as_array()) else {
+        let (Ok(point), Ok(wo)) = (<[f32; 2]>::try_from(point_um), <[f32; 3]>::try_from(wo)) else {
             return Err(JsError::new("a point is two numbers, a direction is three"));
         };
-        let at = self.model.at(&ClothQuery { footprint_um, ..ClothQuery::new(*point, *wo, [lambda_um]) });
+        let at = self.model.at(&ClothQuery { footprint_um, ..ClothQuery::new(point, wo, [lambda_um]) });
         Ok(wi.as_chunks().0.iter().map(|wi| at.eval(*wi)[0]).collect())
     }
 

@@ -1,9 +1,9 @@
-//! plywave in a browser: models of plies and cloths from the bytes of their files, and pictures of cloths that
-//! grow by passes.
+//! plywave in a browser: models of plies and cloths from the bytes of their files, and pictures of cloths
+//! that grow by passes.
 //!
-//! `wasm-bindgen` makes classes and types of what is public (`viewer/README.md`). Errors are JavaScript errors
-//! whose message is a sentence for the user. An instance has one thread; several of them, each in a worker of
-//! its own, share a picture by tiles ([`Picture`]).
+//! `wasm-bindgen` makes classes and types of what is public (`viewer/README.md`). Errors are JavaScript
+//! errors whose message is a sentence for the user. An instance has one thread; several of them, each in a
+//! worker of its own, share a picture by tiles ([`Picture`]).
 
 mod cloth;
 mod picture;

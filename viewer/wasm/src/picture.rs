@@ -39,8 +39,8 @@ fn setup(name: &str) -> Option<Setup> {
 
 #[wasm_bindgen]
 impl Picture {
-    /// A black picture, or part `part` of `parts`. `scene` is a name of `plywave render --setup`; the cloth is
-    /// `size_mm` wide, 0 for the scene's own width.
+    /// A black picture, or part `part` of `parts`. `scene` is a name of `plywave render --setup`; the cloth
+    /// is `size_mm` wide, 0 for the scene's own width.
     ///
     /// # Errors
     /// An unknown scene; a size that is not allowed.
@@ -79,10 +79,10 @@ impl Picture {
     /// # Errors
     /// Points that coincide or are not three numbers.
     pub fn look(&mut self, from_mm: &[f32], to_mm: &[f32]) -> Result<(), JsError> {
-        let (Some(from), Some(to)) = (from_mm.as_array(), to_mm.as_array()) else {
+        let (Ok(from), Ok(to)) = (<[f32; 3]>::try_from(from_mm), <[f32; 3]>::try_from(to_mm)) else {
             return Err(JsError::new("a point is three numbers"));
         };
-        let (from, to) = (Vec3::from(*from), Vec3::from(*to));
+        let (from, to) = (Vec3::from(from), Vec3::from(to));
         let Some(forward) = (to - from).try_normalize() else {
             return Err(JsError::new("the camera is at the point that it looks at"));
         };

@@ -51,8 +51,8 @@ impl Ply {
         self.model.has_edge()
     }
 
-    /// f [1/sr] in directions `w`, three numbers each, in the ply's frame, of a beam at latitude `theta_i` [rad]
-    /// and offset `h_um`, with absorption `sigma_per_um` at the wavelength `lambda_um`.
+    /// f [1/sr] in directions `w`, three numbers each, in the ply's frame, of a beam at latitude
+    /// `theta_i` [rad] and offset `h_um`, with absorption `sigma_per_um` at the wavelength `lambda_um`.
     pub fn eval(&self, theta_i: f32, h_um: f32, sigma_per_um: f32, lambda_um: f32, edge: bool, w: &[f32]) -> Vec<f32> {
         let at = self.model.at(&PlyQuery { edge, ..PlyQuery::new(theta_i, h_um, [sigma_per_um], [lambda_um]) });
         w.as_chunks().0.iter().map(|w| at.eval(*w)[0]).collect()

@@ -5,7 +5,7 @@ use super::follow::ClothPaths;
 use super::paths::Escaped;
 use super::regression::Sums;
 use super::splines;
-use super::{Told, parts};
+use super::{Effort, Told, parts};
 use crate::error::SimError;
 use plywave::cloth::making::{
     CLASSES, CLASSES_A_KIND, FEW, InterYarn, PAIRS, Poly, SIGMAS, Side, SplinesAt, TERMS, dot, few, terms,
@@ -16,6 +16,8 @@ use std::f32::consts::PI;
 /// Beams from each side whose first ply is looked at: what is caught needs many terms of the direction, and
 /// with a fourth of them the light that close cloths reflect depends on the seed.
 const BEAMS: usize = 1 << 20;
+/// Those of a draft.
+const DRAFT_BEAMS: usize = 1 << 15;
 /// Of so many beams two are followed until they leave the cloth.
 const FOLLOWED: usize = 4;
 
@@ -44,12 +46,12 @@ impl Found {
         }
     }
 
-    fn new(paths: &ClothPaths<'_>, chunk: usize) -> Found {
+    fn new(paths: &ClothPaths<'_>, beams: usize, chunk: usize) -> Found {
         let mut found = Found::none();
         for side in 0..2 {
             let mut rng = SplitMix64(0x70_6c79 + (2 * chunk + side) as u64);
             let sign = if side == 0 { 1.0 } else { -1.0 };
-            for k in chunk * (BEAMS / CHUNKS)..(chunk + 1) * (BEAMS / CHUNKS) {
+            for k in chunk * (beams / CHUNKS)..(chunk + 1) * (beams / CHUNKS) {
                 // Even sequences (Roberts 2018) of direction and place; half of the directions even, half by
                 // their cosine.
                 let even = |step: f64| (0.5 + k as f64 * step).fract();
@@ -120,8 +122,9 @@ impl Found {
 }
 
 /// The light between the plies of a cloth.
-pub(super) fn light_between(paths: &ClothPaths<'_>, told: Told<'_>) -> Result<InterYarn, SimError> {
-    let found = parts("light between plies", CHUNKS, told, |chunk| Found::new(paths, chunk))?;
+pub(super) fn light_between(paths: &ClothPaths<'_>, effort: Effort, told: Told<'_>) -> Result<InterYarn, SimError> {
+    let beams = if effort == Effort::Draft { DRAFT_BEAMS } else { BEAMS };
+    let found = parts("light between plies", CHUNKS, told, |chunk| Found::new(paths, beams, chunk))?;
     let mut all = Found::none();
     found.iter().for_each(|found| all.join(found));
     let Found { caught, leaves, mean, parallel } = all;

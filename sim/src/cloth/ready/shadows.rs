@@ -1,6 +1,6 @@
 //! The table of shadows of a cloth, by lines followed through it.
 
-use super::{Told, parts};
+use super::{Effort, Told, parts};
 use crate::error::SimError;
 use plywave::cloth::LineHits;
 use plywave::cloth::making::{
@@ -25,7 +25,7 @@ const MAX_AREA: f32 = 2.5;
 const MIN_FREE: f32 = 1e-3;
 
 /// Shadows of the plies of a cloth.
-pub(super) fn shadows(plies: &ClothPlies, told: Told<'_>) -> Result<ClothShadows, SimError> {
+pub(super) fn shadows(plies: &ClothPlies, effort: Effort, told: Told<'_>) -> Result<ClothShadows, SimError> {
     let lines = &plies.lines;
     let length = |curve: usize| {
         let knots = lines.knots(curve);
@@ -40,6 +40,7 @@ pub(super) fn shadows(plies: &ClothPlies, told: Told<'_>) -> Result<ClothShadows
         places.extend((0..*count).map(|place| (curve, place as f32 / per_knot, 1.0 / per_knot)));
     }
     let count = (LINES / places.len().max(1)).clamp(LINES_OF_ONE[0], LINES_OF_ONE[1]);
+    let count = if effort == Effort::Draft { 1 } else { count };
     let rows = parts("shadows", places.len(), told, |i| {
         let mut row = [0; SIZE];
         fill(&mut row, plies, places[i], i as u64, count);
