@@ -36,7 +36,7 @@ JSON
 cat >"$scratch/README.md" <<'MD'
 # plywave
 
-Ply and cloth models of [plywave](https://www.npmjs.com/package/plywave) in WebAssembly, for browsers and Node 20 or newer.
+Ply and cloth models of plywave in WebAssembly, for browsers and Node 20 or newer.
 
 ```js
 import init, { Ply } from "plywave";

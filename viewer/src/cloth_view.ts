@@ -156,6 +156,7 @@ export class ClothView {
     this.id++;
     this.begun = performance.now();
     this.parts.clear();
+    this.canvas.dataset.side = this.canvas.dataset.samples = "0";
   }
 
   private startOf(): Ask {
