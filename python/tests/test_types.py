@@ -90,8 +90,9 @@ def test_examples_of_the_docs_run(page, tmp_path, monkeypatch):
         exec(compile(textwrap.dedent(block), page, "exec"), told)
 
 
-def test_the_notebook_runs(tmp_path):
-    script = ROOT / "examples" / "python" / "first_steps.py"
+@pytest.mark.parametrize(("name", "made"), [("yarn_to_picture", [".png", ".png", ".pwm"]), ("parameters", [".png"]), ("color_from_picture", [".png"] + 5 * [".pwm"])])
+def test_notebooks_run(tmp_path, name, made):
+    script = ROOT / "examples" / "python" / f"{name}.py"
     out = subprocess.run([sys.executable, str(script), "-o", str(tmp_path)], capture_output=True, text=True, cwd=ROOT)
     assert out.returncode == 0, out.stderr
-    assert sorted(p.suffix for p in tmp_path.iterdir()) == [".png", ".pwm"], list(tmp_path.iterdir())
+    assert sorted(p.suffix for p in tmp_path.iterdir()) == made, list(tmp_path.iterdir())
