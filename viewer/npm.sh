@@ -13,15 +13,15 @@ license=$(sed -n 's/^license = "\(.*\)"/\1/p' Cargo.toml | head -1)
 scratch=$(mktemp -d)
 trap 'rm -rf "$scratch"' EXIT
 install -m 644 viewer/pkg/plywave_web.{js,d.ts} viewer/pkg/plywave_web_bg.wasm{,.d.ts} LICENSE-MIT LICENSE-APACHE "$scratch"
-repository=${GITHUB_REPOSITORY:+"\"repository\": { \"type\": \"git\", \"url\": \"git+https://github.com/$GITHUB_REPOSITORY.git\" },"}
+repository=${GITHUB_REPOSITORY:+,
+  \"repository\": { \"type\": \"git\", \"url\": \"git+https://github.com/$GITHUB_REPOSITORY.git\" \}}
 cat >"$scratch/package.json" <<JSON
 {
   "name": "plywave",
   "version": "$version",
   "description": "Wave-aware cloth and fiber appearance: ply and cloth models, and pictures of cloths, in WebAssembly.",
   "license": "$license",
-  "keywords": ["rendering", "cloth", "textile", "scattering", "BSDF", "wasm"],
-  $repository
+  "keywords": ["rendering", "cloth", "textile", "scattering", "BSDF", "wasm"]$repository,
   "type": "module",
   "main": "./plywave_web.js",
   "types": "./plywave_web.d.ts",

@@ -64,6 +64,18 @@ class Page {
     this.weave.open(isWif ? specOfWif(file) : new TextDecoder().decode(bytes), isWif ? file.replace(/\.wif$/i, ".toml") : file, given);
   }
 
+  /** Shows tables beside the ply that is shown. */
+  private besides(tables: [string, Uint8Array][]): void {
+    for (const [name, bytes] of tables) {
+      try {
+        if (element<HTMLElement>("ply").hidden || !this.ply) throw new Error(`${name}: open the model of this table first, or both together.`);
+        this.ply.openTable(bytes, name);
+      } catch (error) {
+        fault(sentence(error));
+      }
+    }
+  }
+
   /** Shows a file; `given` are those that came with it. */
   async show(bytes: Uint8Array, file: string, given = new Map<string, Uint8Array>()): Promise<void> {
     fault("");
@@ -73,6 +85,10 @@ class Page {
       return;
     }
     const kind = kindOf(bytes);
+    if (kind === "table") {
+      this.besides([[file, bytes]]);
+      return;
+    }
     this.cloth.close();
     element<HTMLElement>("ply").hidden = kind !== "ply";
     element<HTMLElement>("cloth").hidden = kind !== "cloth";
@@ -80,11 +96,12 @@ class Page {
       if (kind === "ply") {
         this.ply ??= new PlyView(link);
         about.textContent = this.ply.open(bytes, file);
+        this.besides([...given].filter(([, bytes]) => kindOf(bytes) === "table"));
       } else if (kind === "cloth") {
         about.textContent = await this.cloth.open(bytes, file);
       } else {
         about.textContent = "";
-        fault(`${file}: not a file of plywave. Open a ply model (.pwm), a cloth (.pwc), a cloth spec (.toml) or a weavers' file (.wif).`);
+        fault(`${file}: not a file of plywave. Open a ply model (.pwm), its table (.pwt), a cloth (.pwc), a cloth spec (.toml) or a weavers' file (.wif).`);
       }
     } catch (error) {
       element<HTMLElement>("ply").hidden = element<HTMLElement>("cloth").hidden = true;
@@ -114,7 +131,7 @@ class Page {
       fault(`${large.name}: ${(large.size / 2 ** 20).toFixed(0)} MiB; models have at most ${LARGEST / 2 ** 20} MiB.`);
       return;
     }
-    const main = [".toml", ".wif", ".pwc", ""].map((end) => all.find((file) => file.name.toLowerCase().endsWith(end))).find((file) => file);
+    const main = [".toml", ".wif", ".pwc", ".pwm", ""].map((end) => all.find((file) => file.name.toLowerCase().endsWith(end))).find((file) => file);
     if (!main) return;
     const given = new Map<string, Uint8Array>();
     for (const file of all) given.set(file.name, new Uint8Array(await file.arrayBuffer()));

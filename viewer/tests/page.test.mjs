@@ -1,6 +1,6 @@
 // The page in headless Chromium, served by the program: CHROMIUM and PLYWAVE name other files than /usr/bin/chromium and target/release/plywave.
 import assert from "node:assert/strict";
-import { spawn } from "node:child_process";
+import { execFileSync, spawn } from "node:child_process";
 import { mkdtempSync, readFileSync, rmSync, truncateSync, writeFileSync } from "node:fs";
 import { tmpdir } from "node:os";
 import { join } from "node:path";
@@ -10,6 +10,7 @@ import { chromium } from "playwright-core";
 import { Cloth, initSync, Picture, Ply } from "../pkg/plywave_web.js";
 
 const root = new URL("../..", import.meta.url).pathname;
+const plywave = process.env.PLYWAVE ?? `${root}target/release/plywave`;
 const scratch = mkdtempSync(join(tmpdir(), "plywave-viewer-"));
 const shots = process.env.PLYWAVE_SHOTS;
 const models = `${root}fabrics/models`;
@@ -18,7 +19,7 @@ let [program, browser, page, site] = [];
 
 before(async () => {
   initSync({ module: readFileSync(new URL("../pkg/plywave_web_bg.wasm", import.meta.url)) });
-  program = spawn(process.env.PLYWAVE ?? `${root}target/release/plywave`, ["view", `${models}/polyester.pwm`, "--site", `${root}viewer/dist`]);
+  program = spawn(plywave, ["view", `${models}/polyester.pwm`, "--site", `${root}viewer/dist`]);
   program.stderr.resume();
   for await (const line of createInterface({ input: program.stdout })) {
     site = line;
@@ -86,6 +87,29 @@ test("the slice is the library's", async () => {
     const expected = Math.max(0, 100 * (1 - (top - Math.log10(f[k])) / 4));
     assert.ok(Math.abs(Math.hypot(x, y) - expected) < 0.02, `${k}: ${Math.hypot(x, y)}, ${expected}`);
   });
+});
+
+test("a table lies beside its model", async () => {
+  const table = join(scratch, "polyester.pwt");
+  execFileSync(plywave, ["simulate", `${root}fabrics/polyester.toml`, "--preset", "preview", "--paths", "100000", "-q", "-o", table]);
+  await page.setInputFiles("#file", [table, `${models}/polyester.pwm`]);
+  await page.waitForFunction(() => document.getElementById("traced")?.getAttribute("d"));
+  await shot("traced");
+  // Radii are by powers of ten, 25 each.
+  const mean = async (id) => {
+    const points = (await page.getAttribute(`#${id}`, "d")).match(/[-\d.]+ [-\d.]+/g);
+    const values = points.map((pair) => 10 ** (Math.hypot(...pair.split(" ").map(Number)) / 25));
+    return values.reduce((a, b) => a + b, 0) / values.length;
+  };
+  const ratio = (await mean("traced")) / (await mean("slice"));
+  console.log(`mean of the slice by paths over the model's: ${ratio.toFixed(3)}`);
+  assert.ok(Math.abs(ratio - 1) < 0.15);
+  await page.setInputFiles("#file", `${models}/silk.pwm`);
+  await page.waitForFunction(() => document.getElementById("about").textContent.startsWith("silk"));
+  await page.setInputFiles("#file", table);
+  await page.waitForFunction(() => document.getElementById("fault").textContent.includes("another yarn spec"));
+  await page.setInputFiles("#file", `${models}/polyester.pwm`);
+  await page.waitForFunction(() => document.getElementById("fault").hidden);
 });
 
 test("30 frames a second of the lobes", async () => {

@@ -8,10 +8,12 @@
 mod cloth;
 mod picture;
 mod ply;
+mod traced;
 
 pub use cloth::Cloth;
 pub use picture::Picture;
 pub use ply::Ply;
+pub use traced::Traced;
 
 use wasm_bindgen::prelude::wasm_bindgen;
 
@@ -21,7 +23,7 @@ pub fn version() -> String {
     env!("CARGO_PKG_VERSION").to_string()
 }
 
-/// What a file is, by its first bytes: `ply`, `cloth`, or nothing of plywave's.
+/// What a file is, by its first bytes: `ply`, `cloth`, `table`, or nothing of plywave's.
 #[wasm_bindgen(js_name = kindOf)]
 pub fn kind_of(bytes: &[u8]) -> Option<String> {
     // A header in JSON follows its length in 8 bytes (docs/reference/format).
@@ -30,6 +32,7 @@ pub fn kind_of(bytes: &[u8]) -> Option<String> {
     let has = |word: &str| header.windows(word.len()).any(|w| w == word.as_bytes());
     match () {
         () if has("control_um") => Some("cloth".into()),
+        () if has("plywave-table") => Some("table".into()),
         () if has("high_path") => Some("ply".into()),
         () => None,
     }

@@ -1,6 +1,6 @@
 //! Models of plies.
 
-use crate::{failed, sphere};
+use crate::{Traced, failed, sphere};
 use plywave::spec::YarnSpec;
 use plywave::{Bsdf, PlyModel, PlyQuery};
 use wasm_bindgen::prelude::{JsError, wasm_bindgen};
@@ -31,6 +31,12 @@ impl Ply {
     #[wasm_bindgen(getter)]
     pub fn name(&self) -> String {
         self.name.clone()
+    }
+
+    /// Whether a table is of the same yarn spec.
+    #[wasm_bindgen(js_name = isOf)]
+    pub fn is_of(&self, traced: &Traced) -> bool {
+        self.model.data().spec_text == traced.table.spec_text
     }
 
     /// Largest offset of a beam [um].
