@@ -6,7 +6,9 @@
 
 # %% [markdown]
 # # Color and roughness from pictures
-# Three pictures of a jersey under known lamps, with noise, give its color and the roughness of its fibers. The pictures are made here, of a yarn that the search does not have, so that the answer can be compared.
+# Three pictures of a jersey under known lamps, with noise, give its color and the roughness of its
+# fibers. The pictures are made here, of a yarn that the search does not have, so that the answer can be
+# compared.
 #
 # `python examples/python/color_from_picture.py -o FOLDER` runs all cells, in some minutes on two cores.
 
@@ -43,7 +45,9 @@ def jersey(alpha, seed):
 
 # %% [markdown]
 # ## The pictures
-# Seen from above, with a lamp beside the camera, at 35 and at 65 degrees. A camera adds noise: one percent of the mean. No color is darker than black fibers, whose surfaces still reflect: here about 0.19.
+# Seen from above, with a lamp beside the camera, at 35 and at 65 degrees. A camera adds noise: one
+# percent of the mean. No color is darker than black fibers, whose surfaces still reflect: here about
+# 0.19.
 
 # %%
 LAMPS = [np.array([np.sin(a), 0.0, np.cos(a)]) for a in np.radians([5.0, 35.0, 65.0])]
@@ -61,8 +65,9 @@ taken += 0.01 * taken.mean() * np.random.default_rng(1).normal(size=taken.shape)
 
 # %% [markdown]
 # ## The search
-# For each roughness of a few, the color whose pictures are nearest, by golden section in each channel: they do not depend on each other. What is left over tells the roughness. Square roots keep a few bright highlights
-# from deciding all.
+# For each roughness of a few, the color whose pictures are nearest, by golden section in each channel:
+# they do not depend on each other. The remaining misfit tells the roughness. Square roots keep a few
+# bright highlights from deciding all.
 
 
 # %%
@@ -90,7 +95,7 @@ for alpha in alphas:
     cloth = jersey(alpha, seed=1)
     colors.append(best_color(cloth))
     left.append(np.sqrt(misfit(cloth, colors[-1]).mean()) / rooted(taken).mean())
-    print(f"alpha {alpha:.2f}: color {np.round(colors[-1], 3)}, left over {left[-1]:.4f}")
+    print(f"alpha {alpha:.2f}: color {np.round(colors[-1], 3)}, misfit {left[-1]:.4f}")
 colors, left = np.array(colors), np.array(left)
 
 # %% [markdown]
@@ -106,6 +111,6 @@ print(f"roughness {alpha:.3f} (made with {ALPHA}), color {np.round(color, 3)} (m
 plt.plot(alphas, left, "o-")
 plt.axvline(ALPHA, color="gray")
 plt.xlabel("alpha_fiber")
-plt.ylabel("left over, of the mean square root")
+plt.ylabel("misfit, over the mean square root")
 plt.savefig(folder / "color_from_picture.png", dpi=80)
 assert abs(alpha - ALPHA) < 0.04 and np.abs(color - COLOR).max() < 0.03

@@ -6,7 +6,8 @@
 
 # %% [markdown]
 # # Which parameter does what
-# One yarn, and one key of its spec at a time: roughness of the fibers, twist, number of fibers, absorption. Each cell says what to expect, and shows it.
+# One yarn, and one key of its spec at a time: roughness of the fibers, twist, number of fibers,
+# absorption. Each cell says what to expect, and shows it.
 #
 # `python examples/python/parameters.py -o FOLDER` runs all cells, in some minutes on two cores.
 
@@ -51,7 +52,8 @@ def directions(theta, phi):
 
 # %% [markdown]
 # ## Roughness of the fibers: how wide the highlight is
-# `alpha_fiber` is the GGX roughness of a fiber's surface. The highlight of light at latitude theta_i lies about the latitude -theta_i. A rougher fiber spreads it in latitude.
+# `alpha_fiber` is the GGX roughness of a fiber's surface. The highlight of light at latitude theta_i lies
+# about the latitude -theta_i. A rougher fiber spreads it in latitude.
 
 # %%
 theta_i = np.radians(30.0)
@@ -69,7 +71,9 @@ print("full width at half of the highlight [deg]:", np.round(widths, 1))
 
 # %% [markdown]
 # ## Twist: where the highlight goes
-# Fibers on the ply's surface lean by atan(2 pi R / pitch). Light sees leaning fibers: on the left of the ply they lean one way, on the right the other, so that the highlight moves with h. Without twist all of it
+# Fibers on the ply's surface lean by atan(2 pi R / pitch). Light sees leaning fibers: on the left of the
+# ply they lean one way, on the right the other, so that the highlight moves with h. Without twist all of
+# it
 # stays at -theta_i.
 
 # %%
@@ -88,7 +92,8 @@ axes[1].legend()
 
 # %% [markdown]
 # ## Number of fibers and absorption: how dark a color is
-# A beam passes more fibers in a thick ply, so that the same absorption makes it darker. Absorption acts along the path within fibers: their radius counts, too.
+# A beam passes more fibers in a thick ply, so that the same absorption makes it darker. Absorption acts
+# along the path within fibers: their radius counts, too.
 
 # %%
 sigma = np.geomspace(1e-4, 0.1, 30)

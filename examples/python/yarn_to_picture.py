@@ -8,7 +8,8 @@
 # # From a yarn to a picture
 # A yarn spec becomes a ply model, a cloth spec names it, and the cloth is shaded under a lamp and a sky.
 #
-# Cells are for notebooks (`jupytext --to ipynb`) and editors; `python examples/python/yarn_to_picture.py -o FOLDER` runs them all, in a minute.
+# Cells are for notebooks (`jupytext --to ipynb`) and editors; `python examples/python/yarn_to_picture.py
+# -o FOLDER` runs them all, in a minute.
 
 # %%
 import argparse
@@ -26,7 +27,8 @@ folder.mkdir(parents=True, exist_ok=True)
 
 # %% [markdown]
 # ## The yarn
-# Thirty round polyester filaments of 15 um, twisted once in 3 mm. Lengths are in um. Real fibers are never equal: `size_jitter` is the spread of their radius.
+# Thirty round polyester filaments of 15 um, twisted once in 3 mm. Lengths are in um. Real fibers are
+# never equal: `size_jitter` is the spread of their radius.
 
 # %%
 yarn = {
@@ -46,7 +48,8 @@ print(plywave.check(model, incidences=4))
 plywave.plot(model, table=model.table).savefig(folder / "yarn.png", dpi=60)
 
 # %% [markdown]
-# Light of three colors that meets the yarn at 30 degrees, over a circle of outgoing directions across it. Fibers have no color: absorption makes it.
+# Light of three colors that meets the yarn at 30 degrees, over a circle of outgoing directions across it.
+# Fibers have no color: absorption makes it.
 
 # %%
 phi = np.linspace(0.0, 2.0 * np.pi, 720, endpoint=False)
@@ -56,7 +59,8 @@ print("brightest azimuth [deg]:", np.degrees(phi[f[:, 0].argmax()]), "red over b
 
 # %% [markdown]
 # ## The cloth
-# A jersey in a knitter's units. The yarn's count is that of its fibers: 30 of 177 um2, of 1.38 g/cm3, are 7.3 tex. The cloth is made once, in some seconds, and kept in a cache.
+# A jersey in a knitter's units. The yarn's count is that of its fibers: 30 of 177 um2, of 1.38 g/cm3, are
+# 7.3 tex. The cloth is made once, in some seconds, and kept in a cache.
 
 # %%
 jersey = plywave.Cloth(
@@ -72,7 +76,8 @@ print(jersey)
 
 # %% [markdown]
 # ## The picture
-# Two millimeters from above, by a lamp and by an even sky of 24 directions. `eval` has the cosine in it; a lamp of irradiance E adds E f.
+# Two millimeters from above, by a lamp and by an even sky of 24 directions. `eval` has the cosine in it;
+# a lamp of irradiance E adds E f.
 
 # %%
 x_um = np.linspace(0.0, 2000.0, 320)
