@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # Rehearses a release and publishes nothing: scripts/rehearse_release.sh [--quick] makes every package for this machine into target/release_rehearsal, installs each as a user does,
 # and compares one evaluation with the Rust library's. It ends with a table. Without --quick it also builds every crate from its package, compares public interfaces with the last
-# release (a tag v*), and cross compiles wheels by zig.
+# release (a tag v*), compiles the source distribution, and cross compiles wheels by zig.
 # Needs Rust 1.90 or newer, a C compiler, pkg-config, Node 20 with npm, Python 3.11 with pip; installs maturin, cmake and ziglang into the target folder.
 set -euo pipefail
 cd "$(dirname "$0")/.."
@@ -52,16 +52,18 @@ step() {
     begun=$SECONDS
     printf '\n== %s\n' "$*"
 }
+# COMMAND: its output is shown only where it fails.
+quietly() { "$@" >"$scratch/log" 2>&1 || { cat "$scratch/log" >&2 && exit 1; }; }
 # FILE MADE_BY TESTED: a row of the table.
 rows=()
 row() { rows+=("$(printf '%s\t%s\t%s\t%s' "$(basename "$1")" "$(du -k "$1" | cut -f1) KiB" "$2" "$3")"); }
-# NAME NUMBERS: f at three wavelengths and the density are those of the Rust library.
+# NAME NUMBERS: f at three wavelengths, and the density if it is given, are those of the Rust library.
 same() {
     "$python" - "$1" "$expected" "$2" <<'PY'
 import sys
 
 name, expected, got = sys.argv[1], *([float(v) for v in text.split()] for text in sys.argv[2:])
-if len(got) != len(expected) or any(not abs(a - b) <= 1e-5 * abs(b) for a, b in zip(got, expected)):
+if len(got) not in (3, 4) or any(not abs(a - b) <= 1e-5 * abs(b) for a, b in zip(got, expected)):
     sys.exit(f"{name}: {got}, but the Rust library has {expected}")
 print(f"{name}: {got}, as the Rust library")
 PY
@@ -134,8 +136,8 @@ foreach(kind plywave static)
   target_link_libraries(host_\${kind} plywave::\${kind} m)
 endforeach()
 CMAKE
-"$tools/bin/cmake" -S "$scratch/c" -B "$scratch/c/build" -DCMAKE_PREFIX_PATH="$prefix" -DCMAKE_C_COMPILER="$cc" >"$scratch/cmake.log" 2>&1 &&
-    "$tools/bin/cmake" --build "$scratch/c/build" >>"$scratch/cmake.log" 2>&1 || { cat "$scratch/cmake.log" >&2 && exit 1; }
+quietly "$tools/bin/cmake" -S "$scratch/c" -B "$scratch/c/build" -DCMAKE_PREFIX_PATH="$prefix" -DCMAKE_C_COMPILER="$cc"
+quietly "$tools/bin/cmake" --build "$scratch/c/build"
 for kind in plywave static; do
     "$scratch/c/build/host_$kind" "$model" | diff "$scratch/expected.txt" - || { echo "C by CMake plywave::$kind: other numbers than the Rust library" >&2 && exit 1; }
     echo "C by CMake plywave::$kind: as the Rust library, digit by digit"
@@ -172,14 +174,13 @@ const ply = new Ply(readFileSync(file), file);
 const channels = [[0.001, 0.612], [0.004, 0.549], [0.01, 0.464]];
 console.log(channels.map(([sigma, lambda]) => ply.eval(0.5, 10, sigma, lambda, true, [0, 1, 0])[0]).join(" "));
 JS
-density=${expected##* }
-same "npm" "$(node "$scratch/npm/host.mjs" "$model" "$version") $density"
+same "npm" "$(node "$scratch/npm/host.mjs" "$model" "$version")"
 row "$package" "viewer/npm.sh" "npm install; evaluated in Node $(node --version); types by tsc"
 
 step "Python"
 index=$out/python
-"$tools/bin/maturin" build --release --locked --manifest-path python/Cargo.toml --interpreter "$python" --out "$index" --quiet
-"$tools/bin/maturin" sdist --manifest-path python/Cargo.toml --out "$index" --quiet
+quietly "$tools/bin/maturin" build --release --manifest-path python/Cargo.toml --interpreter "$python" --out "$index"
+PATH=$tools/bin:$PATH quietly python/sdist.sh "$index"
 # A local index: what wheel and source distribution depend on lies beside them.
 "$tools/bin/pip" download --quiet --dest "$scratch/index" numpy "maturin>=1.9,<2"
 cat >"$scratch/host.py" <<'PY'
@@ -199,23 +200,48 @@ try_python() {
     "$scratch/venv/bin/pip" install --quiet --no-index --find-links "$scratch/index" "$2"
     same "$1" "$(cd "$scratch" && venv/bin/python host.py "$model" "$version")"
 }
-for package in "$index"/*.whl "$index"/*.tar.gz; do
-    case $package in
-    *.whl) made="maturin build" ;;
-    *) made="maturin sdist" ;;
-    esac
-    try_python "$(basename "$package")" "$package"
-    row "$package" "$made" "pip install --no-index; evaluated in $("$python" --version)"
-done
+wheel=$(echo "$index"/*.whl) source=$(echo "$index"/*.tar.gz)
+try_python "$(basename "$wheel")" "$wheel"
+row "$wheel" "maturin build" "pip install --no-index; evaluated in $("$python" --version)"
+if [ -z "$quick" ]; then
+    try_python "$(basename "$source")" "$source"
+    row "$source" "python/sdist.sh" "compiled by pip install --no-index; evaluated in $("$python" --version)"
+else
+    tar -C "$scratch" -xzf "$source"
+    # Without the extension itself: checked in another environment than maturin's, it would be compiled anew the next time.
+    quietly cargo check --release --locked --manifest-path "$scratch/plywave-$version/python/Cargo.toml" -p plywave-pipeline
+    row "$source" "python/sdist.sh" "cargo check of its crates"
+fi
 
 if [ -z "$quick" ]; then
-    step "wheels by zig"
+    step "wheels of other platforms"
+    # ARGUMENTS: builds a wheel and has its path in `made_wheel`.
+    cross() {
+        rm -rf "$scratch/wheel"
+        PATH=$tools/bin:$PATH quietly maturin build --release --manifest-path python/Cargo.toml --out "$scratch/wheel" "$@"
+        made_wheel=$index/$(basename "$scratch"/wheel/*.whl)
+        mv "$scratch"/wheel/*.whl "$made_wheel"
+    }
+    # Python 3.14t has an interface of its own; maturin knows it where it is not installed.
+    cross --interpreter python3.14t
+    tested="audited by maturin; no python3.14t here"
+    if command -v python3.14t >/dev/null; then
+        "$tools/bin/pip" download --quiet --no-deps --dest "$scratch/index" --python-version 3.14 --abi cp314t --only-binary :all: numpy
+        python=python3.14t try_python "$(basename "$made_wheel")" "$made_wheel"
+        tested="pip install --no-index; evaluated in $(python3.14t --version)"
+    fi
+    row "$made_wheel" "maturin build -i python3.14t" "$tested"
     "$tools/bin/pip" install --quiet ziglang
     for built in "x86_64-unknown-linux-gnu manylinux2014" "aarch64-unknown-linux-gnu manylinux2014" "x86_64-unknown-linux-musl musllinux_1_2" "aarch64-unknown-linux-musl musllinux_1_2"; do
         read -r triple compatibility <<<"$built"
-        echo "-- $triple"
         rustup target add "$triple" >/dev/null 2>&1 || { echo "skipped: Rust's target $triple cannot be installed here"; continue; }
-        PATH=$tools/bin:$PATH "$tools/bin/maturin" build --release --locked --zig --target "$triple" --compatibility "$compatibility" --manifest-path python/Cargo.toml --out "$index" --quiet
+        cross --zig --target "$triple" --compatibility "$compatibility"
+        tested="audited by maturin; of another platform"
+        if [ "$triple" = "$(rustc --print host-tuple)" ]; then
+            try_python "$(basename "$made_wheel")" "$made_wheel"
+            tested="pip install --no-index; evaluated in $("$python" --version)"
+        fi
+        row "$made_wheel" "maturin build --zig" "$tested"
     done
 fi
 

@@ -32,6 +32,7 @@ BASE = {
     "ply": {"fibers": 30, "radius_um": 50.0, "fiber_pitch_um": 2500.0},
 }
 SIGMA = [0.0, 0.003, 0.02]
+BUILT = {}
 
 
 def made(section, key, value):
@@ -41,7 +42,9 @@ def made(section, key, value):
     if key == "fibers":
         # As densely packed: the ply's area follows.
         spec["ply"]["radius_um"] = 50.0 * np.sqrt(value / 30)
-    return plywave.build(spec, "preview", paths=20_000)
+    if str(spec) not in BUILT:
+        BUILT[str(spec)] = plywave.build(spec, "preview", paths=20_000)
+    return BUILT[str(spec)]
 
 
 def directions(theta, phi):
