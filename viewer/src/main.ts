@@ -31,6 +31,7 @@ class Page {
   private ply: PlyView | null = null;
   private readonly cloth: ClothView;
   private readonly weave = new WeaveView(
+    link,
     // The loom has all cores.
     () => this.cloth.close(),
     (bytes, file) => this.showCloth(bytes, file),
@@ -136,6 +137,7 @@ class Page {
     const given = new Map<string, Uint8Array>();
     for (const file of all) given.set(file.name, new Uint8Array(await file.arrayBuffer()));
     models.value = "";
+    link.set("rows", "");
     await this.show(given.get(main.name) ?? new Uint8Array(), main.name, given);
   }
 }
@@ -150,6 +152,7 @@ async function begin(): Promise<void> {
   models.addEventListener("change", () => {
     if (!models.value) return;
     link.set("model", models.value);
+    link.set("rows", "");
     void page.fetch(models.value);
   });
   const input = element<HTMLInputElement>("file");

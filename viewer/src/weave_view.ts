@@ -1,6 +1,7 @@
 // A cloth's spec and draft, which the user may change; the cloth follows.
 
 import { element } from "./dom";
+import type { Link } from "./link";
 import type { Delivery, Order } from "./loom";
 
 /** Largest repeat that is shown as a grid [yarns]. */
@@ -61,6 +62,7 @@ export class WeaveView {
 
   /** `begin` is called before a cloth is made; `show` is given each that was, with its file's name. */
   constructor(
+    private readonly link: Link,
     private readonly begin: () => void,
     private readonly show: (bytes: Uint8Array, file: string) => Promise<void>,
   ) {
@@ -85,7 +87,8 @@ export class WeaveView {
   /** Opens a spec; `given` are files that it may name. */
   open(text: string, file: string, given: Map<string, Uint8Array>): void {
     this.close();
-    [this.file, this.given, this.spec.value] = [file, given, text];
+    const rows = this.link.text("rows", "");
+    [this.file, this.given, this.spec.value] = [file, given, /^[X.]+(_[X.]+)+$/.test(rows) ? withRows(text, rows.split("_")) : text];
     element<HTMLElement>("weaving").hidden = false;
     this.make(true);
   }
@@ -101,6 +104,7 @@ export class WeaveView {
 
   private change(rows: string[]): void {
     this.spec.value = withRows(this.spec.value, rows);
+    this.link.set("rows", rows.join("_"));
     this.draw(rows);
     this.later();
   }

@@ -149,6 +149,9 @@ test("a spec becomes a cloth, and its draft can be changed", async () => {
   assert.equal((await page.inputValue("#spec")).match(/"[X.]{4}"/g).length, 4);
   await samples();
   await shot("draft");
+  const link = await page.evaluate(() => location.hash);
+  await open(link, () => document.getElementById("spec")?.value.includes("...X") && document.querySelectorAll("#draft input").length === 16);
+  await page.waitForFunction(() => document.getElementById("about").textContent.includes("1.00 mm and 1.00 mm"));
 });
 
 test("a spec that is wrong is told, with its key", async () => {
