@@ -195,6 +195,28 @@ fn the_mean_is_that_of_places() {
     }
 }
 
+/// A draft reflects and transmits as the cloth does, but for chance.
+#[test]
+fn drafts_are_near_the_cloth() {
+    for (cloth, name) in [(&*JERSEY, "jersey"), (&*ORGANZA, "organza")] {
+        let spec = ClothSpec::parse(&cloth.spec_text, name).unwrap();
+        let no_file = &mut |file: &str| panic!("{file} is not to be read");
+        let made = make_cloth(&spec, name, no_file, Effort::Draft, &|| true).unwrap();
+        let ready = make_ready(&cloth.spec_text, name, &made.curves, &cloth.models, Effort::Draft, &|_| true);
+        let draft = ready.unwrap();
+        assert!(draft.far.is_none());
+        let mean = |data: &ClothData, wo: [f32; 3]| {
+            let model = ClothModel::from_data(data.clone(), &ClothOptions::RAYS).unwrap();
+            (0..4000).map(|k| model.at(&query(place(k), wo, [0.003])).albedo()[0]).sum::<f32>() / 4000.0
+        };
+        for z in [1.0f32, 0.5, 0.1, -0.7] {
+            let [of_draft, of_cloth] = [&draft, cloth].map(|data| mean(data, direction(z, 0.1)));
+            println!("{name}, cosine {z}: {of_draft:.4} of {of_cloth:.4}");
+            assert!((of_draft - of_cloth).abs() < 0.02, "{name}, {z}: {of_draft}, {of_cloth}");
+        }
+    }
+}
+
 /// No query fails: places and directions that are none, absorptions out of range.
 #[test]
 fn any_query_is_answered() {

@@ -34,15 +34,6 @@ fn failed(error: impl std::fmt::Display) -> JsError {
     JsError::new(&plywave::one_line(&error.to_string(), LONGEST))
 }
 
-/// The draft of a WIF, a row of `X` and `.` for each pick, the last woven first; `file` is for messages.
-///
-/// # Errors
-/// A file that gives no draft.
-#[wasm_bindgen(js_name = rowsOfWif)]
-pub fn rows_of_wif(bytes: &[u8], file: &str) -> Result<Vec<String>, JsError> {
-    Ok(rows(&Wif::parse(bytes, file).map_err(failed)?.draft.reduced()))
-}
-
 fn rows(draft: &Draft) -> Vec<String> {
     let row = |pick| (0..draft.ends()).map(|end| if draft.up(pick, end) { 'X' } else { '.' }).collect();
     (0..draft.picks()).rev().map(row).collect()
@@ -91,7 +82,7 @@ impl Recipe {
     pub fn rows(&self) -> Result<Vec<String>, JsError> {
         match self.spec.made() {
             Some(ClothWeave::Woven(WeaveSpec::Wif { file }, _)) => match self.files.get(file) {
-                Some(bytes) => rows_of_wif(bytes, file),
+                Some(bytes) => Ok(rows(&Wif::parse(bytes, file).map_err(failed)?.draft.reduced())),
                 None => Ok(Vec::new()),
             },
             Some(ClothWeave::Woven(weave, _)) => Ok(weave.draft().map_or(Vec::new(), |draft| rows(&draft))),
@@ -99,8 +90,7 @@ impl Recipe {
         }
     }
 
-    /// Makes the cloth; a draft takes a tenth of the time, is less accurate, and without the mean over the
-    /// cell.
+    /// Makes the cloth; a draft of it takes less time, as [`Effort::Draft`] says.
     ///
     /// # Errors
     /// A file that is missing, and all that the program refuses.
