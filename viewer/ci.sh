@@ -10,11 +10,13 @@ if [ -z "${CHROMIUM:-}" ]; then
 fi
 program=${CARGO_TARGET_DIR:-$PWD/../target}/release/plywave
 [ -x "$program" ] || { echo "$program is missing: cargo build --release" >&2; exit 1; }
-npm ci --silent
-npm run --silent wasm
-npm run --silent build
+# Not --silent: npm would fail without a word.
+npm ci --loglevel=error --no-audit --no-fund >/dev/null
+./wasm.sh
+npm run --loglevel=error build
 scratch=$(mktemp -d)
 trap 'rm -rf "$scratch"' EXIT
 "$program" weave ../fabrics/cloths/jersey.toml -q -o "$scratch/jersey.pwc"
+node --test tests/scripts.test.mjs
 PLYWAVE=$program PLYWAVE_CLOTH=$scratch/jersey.pwc node --test tests/values.test.mjs
 [ -z "$CHROMIUM" ] || PLYWAVE=$program node --test tests/page.test.mjs

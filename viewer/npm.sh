@@ -60,5 +60,5 @@ initSync({ module: readFileSync(new URL(import.meta.resolve("plywave/plywave_web
 Angles are in radians, lengths in um, absorption in 1/um, densities in 1/sr.
 `plywave_web.d.ts` documents each argument.
 MD
-npm pack --silent --pack-destination "$folder" "$scratch" >/dev/null
+npm pack --loglevel=error --pack-destination "$folder" "$scratch" >/dev/null
 echo "$folder/plywave-$version.tgz"

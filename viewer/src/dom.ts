@@ -7,8 +7,8 @@ export function element<T extends Element>(id: string): T {
   return found as unknown as T;
 }
 
-/** A slider whose value shows beside its name. Returns a function that sets it. */
-export function slider(id: string, show: (value: number) => string, changed: (value: number) => void): (value: number) => void {
+/** A slider whose value shows beside its name. Returns a function that sets it, and returns the value within the slider's range. */
+export function slider(id: string, show: (value: number) => string, changed: (value: number) => void): (value: number) => number {
   const input = element<HTMLInputElement>(id);
   const output = input.parentElement?.querySelector("output");
   const tell = () => {
@@ -23,7 +23,16 @@ export function slider(id: string, show: (value: number) => string, changed: (va
   return (value) => {
     input.valueAsNumber = value;
     tell();
+    return input.valueAsNumber;
   };
+}
+
+/** Lets a slider go from -`most` to `most`, by whole steps of it. */
+export function bound(id: string, most: number): void {
+  const input = element<HTMLInputElement>(id);
+  const step = Number(input.step);
+  input.max = (Math.floor(most / step + 1e-6) * step).toFixed(6);
+  input.min = `-${input.max}`;
 }
 
 /** Turns by dragging and by arrow keys: calls `turned` with the angles [rad] about the upright axis and up. */

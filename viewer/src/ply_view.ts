@@ -1,6 +1,6 @@
 // A ply's lobes over the beam and the absorption.
 
-import { element, slider, turning } from "./dom";
+import { bound, element, slider, turning } from "./dom";
 import type { Link } from "./link";
 import { LobeSurface } from "./lobe_surface";
 import { Ply, Traced } from "../pkg/plywave_web.js";
@@ -26,7 +26,7 @@ export class PlyView {
   private traced: Traced | null = null;
   private readonly surface = new LobeSurface(element<HTMLCanvasElement>("lobe"));
   private readonly values = { theta: 20, h: 0, sigma: 0.4, lambda: 550, edge: 1 };
-  private readonly sliders: Record<"theta" | "h" | "sigma" | "lambda", (value: number) => void>;
+  private readonly sliders: Record<"theta" | "h" | "sigma" | "lambda", (value: number) => number>;
   private asked = false;
   private rest = 0;
   /** Times at which frames were drawn [ms], of the last second. */
@@ -60,16 +60,16 @@ export class PlyView {
     this.ply?.free();
     this.traced?.free();
     [this.ply, this.traced] = [ply, null];
+    bound("h", ply.hMaxUm / ply.radiusUm);
     for (const name of ["theta", "h", "sigma", "lambda"] as const) {
-      this.values[name] = this.link.number(name, this.values[name]);
-      this.sliders[name](this.values[name]);
+      this.values[name] = this.sliders[name](this.link.number(name, this.values[name]));
     }
     const edge = element<HTMLInputElement>("edge");
     edge.checked = this.link.number("edge", 1) !== 0;
     edge.disabled = !ply.hasEdge;
     this.values.edge = Number(edge.checked);
     this.ask();
-    return `${ply.name}: a ply of radius ${ply.hMaxUm.toFixed(0)} um`;
+    return `${ply.name}: a ply of radius ${Number(ply.radiusUm.toFixed(1))} um`;
   }
 
   /** Shows the table of paths beside the model. */
@@ -96,7 +96,7 @@ export class PlyView {
     const ply = this.ply;
     if (!ply) return;
     let theta = (this.values.theta * Math.PI) / 180;
-    let h = this.values.h * ply.hMaxUm;
+    let h = this.values.h * ply.radiusUm;
     let sigma = sigmaOf(this.values.sigma);
     const lambda = this.values.lambda / 1000;
     // Tables are of rays.
@@ -114,7 +114,7 @@ export class PlyView {
     element("beside").textContent = this.traced
       ? `Dots: paths traced through fibers, at the incidence of the table that is nearest: theta_i ${degrees(theta)}°, h ${h.toFixed(1)} um, sigma ${sigma.toPrecision(2)} /um; latitude ${degrees(latitude)}°.`
       : "";
-    const names = ["reflected at fibers once", "scattered otherwise", "passed beside all fibers"];
+    const names = ["only reflected at fibers (f_refl)", "scattered otherwise (f_high)", "passed beside all fibers (r_d)"];
     const shares = ply.energies(theta, h, sigma);
     element("energies").innerHTML = names.map((name, k) => `<dt>${name}</dt><dd>${(100 * (shares[k] ?? 0)).toFixed(1)} %</dd>`).join("");
     const now = performance.now();

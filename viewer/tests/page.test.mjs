@@ -8,6 +8,7 @@ import { createInterface } from "node:readline";
 import test, { after, before } from "node:test";
 import { chromium } from "playwright-core";
 import { Cloth, initSync, Picture, Ply } from "../pkg/plywave_web.js";
+import { printed } from "./program.mjs";
 
 const root = new URL("../..", import.meta.url).pathname;
 const plywave = process.env.PLYWAVE ?? `${root}target/release/plywave`;
@@ -57,7 +58,8 @@ test("a ply's lobes: the first picture in 3 s", async () => {
   const ms = await open("", () => document.getElementById("slice")?.getAttribute("d"));
   console.log(`first picture of a ply: ${ms.toFixed(0)} ms`);
   assert.ok(ms < 3000, `${ms} ms`);
-  assert.match(await text("about"), /^polyester: a ply of radius \d+ um$/);
+  // The radius of fabrics/polyester.toml.
+  assert.equal(await text("about"), "polyester: a ply of radius 50 um");
   await shot("ply");
 });
 
@@ -87,6 +89,33 @@ test("the slice is the library's", async () => {
     const expected = Math.max(0, 100 * (1 - (top - Math.log10(f[k])) / 4));
     assert.ok(Math.abs(Math.hypot(x, y) - expected) < 0.02, `${k}: ${Math.hypot(x, y)}, ${expected}`);
   });
+});
+
+test("offsets and shares of light are those that the program prints", async () => {
+  const polyester = `${models}/polyester.pwm`;
+  const points = async () => (await slice()).match(/[-\d.]+ [-\d.]+/g).map((pair) => Math.hypot(...pair.split(" ").map(Number)));
+  // At the middle, across the ply, without absorption.
+  await open("#model=polyester.pwm&theta=0&h=0&sigma=0&edge=0", () => document.getElementById("slice")?.getAttribute("d"));
+  const energies = printed("info", polyester).energies;
+  const middle = (energies.r_d[0].length - 1) / 2;
+  const shares = [energies.energy_refl[0][middle], energies.energy_high[0][middle][0], energies.r_d[0][middle]];
+  const shown = (await text("energies")).match(/[\d.]+ %/g).map((share) => Number.parseFloat(share));
+  assert.match(await text("energies"), /only reflected at fibers/);
+  shares.forEach((share, k) => assert.ok(Math.abs(100 * share - shown[k]) < 0.06, `${shown[k]} % for ${share}`));
+  // Beams at 0.9 R and at the rim meet fewer fibers.
+  for (const h of [0.5, 0.9, 1.2]) {
+    await open(`#model=polyester.pwm&theta=30&h=${h}&sigma=0&edge=0`, () => document.getElementById("slice")?.getAttribute("d"));
+    const radii = await points();
+    const every = 40;
+    const directions = [0, 1, 2, 3, 4, 5, 6, 7, 8].map((k) => (360 * k * every) / radii.length);
+    const f = directions.map((phi) => printed("eval", polyester, "--theta-i", 30, "--h-rel", h, "--sigma", 0, "--theta-o", -30, "--phi-o", phi).f_per_sr[0]);
+    const top = Number((await page.textContent("#decades text")).slice(2)) + 3;
+    f.forEach((value, k) => {
+      const expected = Math.max(0, 100 * (1 - (top - Math.log10(value)) / 4));
+      assert.ok(Math.abs(radii[k * every] - expected) < 0.1, `h ${h} R, phi ${directions[k]}: ${radii[k * every]}, ${expected}`);
+    });
+  }
+  assert.equal(await page.getAttribute("#h", "max"), "1.400000");
 });
 
 test("a table lies beside its model", async () => {

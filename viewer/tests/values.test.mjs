@@ -4,6 +4,7 @@ import { execFileSync } from "node:child_process";
 import { readFileSync } from "node:fs";
 import test from "node:test";
 import { Cloth, initSync, kindOf, Picture, Ply } from "../pkg/plywave_web.js";
+import { printed } from "./program.mjs";
 
 const root = new URL("../..", import.meta.url).pathname;
 initSync({ module: readFileSync(new URL("../pkg/plywave_web_bg.wasm", import.meta.url)) });
@@ -81,6 +82,16 @@ function compare(file, most) {
 }
 
 test("a ply's numbers", () => compare(`${root}fabrics/models/polyester.pwm`, 1e-5));
+
+test("a ply has the radius that the program prints", () => {
+  // Those of the specs in fabrics/.
+  const radii = { polyester: 50, cotton: 47, cotton_2ply: 47, gold: 50 };
+  for (const [name, radius] of Object.entries(radii)) {
+    const file = `${root}fabrics/models/${name}.pwm`;
+    assert.equal(printed("info", file).ply_radius_um, radius);
+    assert.equal(new Ply(readFileSync(file), file).radiusUm, radius);
+  }
+});
 
 test("a cloth's numbers", { skip: !process.env.PLYWAVE_CLOTH && "PLYWAVE_CLOTH names no cloth file" }, () =>
   compare(process.env.PLYWAVE_CLOTH, 1e-4),

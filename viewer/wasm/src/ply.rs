@@ -10,6 +10,7 @@ use wasm_bindgen::prelude::{JsError, wasm_bindgen};
 pub struct Ply {
     model: PlyModel,
     name: String,
+    radius_um: f64,
     /// Directions of the last map, and its rows and columns.
     directions: (usize, usize, Vec<[f32; 3]>),
 }
@@ -19,12 +20,19 @@ impl Ply {
     /// A model from the bytes of its file (`.pwm`); `file` names it in errors.
     ///
     /// # Errors
-    /// A foreign, damaged or newer file.
+    /// A foreign, damaged or newer file, and one whose offsets end inside the ply.
     #[wasm_bindgen(constructor)]
     pub fn new(bytes: &[u8], file: &str) -> Result<Ply, JsError> {
         let model = PlyModel::from_bytes(bytes, file).map_err(failed)?;
-        let name = YarnSpec::parse(&model.data().spec_text, "model").map_err(failed)?.name;
-        Ok(Ply { model, name, directions: (0, 0, Vec::new()) })
+        let spec = YarnSpec::parse(&model.data().spec_text, "model").map_err(failed)?;
+        // The last offset is R + d_cut.
+        let last_um = model.data().h_um.last().copied().unwrap_or(0.0);
+        let radius_um = last_um - spec.beam.beam().d_cut_um;
+        if radius_um <= 0.0 {
+            let text = format!("{file}: largest h_um = {last_um}: it must exceed the beam's d_cut_um");
+            return Err(JsError::new(&text));
+        }
+        Ok(Ply { model, name: spec.name, radius_um, directions: (0, 0, Vec::new()) })
     }
 
     /// Name of its yarn.
@@ -39,7 +47,13 @@ impl Ply {
         self.model.data().spec_text == traced.table.spec_text
     }
 
-    /// Largest offset of a beam [um].
+    /// Radius R of the ply [um].
+    #[wasm_bindgen(getter, js_name = radiusUm)]
+    pub fn radius_um(&self) -> f64 {
+        self.radius_um
+    }
+
+    /// Largest offset at which a beam still hits the ply [um]: beyond R, since beams have a width.
     #[wasm_bindgen(getter, js_name = hMaxUm)]
     pub fn h_max_um(&self) -> f64 {
         self.model.data().h_um.last().copied().unwrap_or(0.0)
@@ -86,11 +100,12 @@ impl Ply {
         f.into_iter().flatten().collect()
     }
 
-    /// Shares of a beam's light: reflected once, scattered otherwise, passed beside all fibers.
+    /// Shares of a beam's light: only reflected (f_refl), scattered otherwise (f_high), passed beside all
+    /// fibers (r_d).
     pub fn energies(&self, theta_i: f32, h_um: f32, sigma_per_um: f32) -> Vec<f32> {
         let at = |sigma: f32| self.model.at(&PlyQuery::lobes(theta_i, h_um, [sigma]));
         let passed = at(sigma_per_um).r_d();
-        // Fibers without end of absorption reflect alone.
+        // Fibers that absorb all light inside them only reflect.
         let reflected = at(1e6).albedo()[0];
         vec![reflected, at(sigma_per_um).albedo()[0] - reflected, passed]
     }
