@@ -6,6 +6,7 @@ mod family;
 mod farm;
 mod hairs;
 mod model;
+mod new;
 mod plot;
 mod render;
 mod shell;
@@ -19,6 +20,7 @@ pub use family::*;
 pub use farm::*;
 pub use hairs::*;
 pub use model::*;
+pub use new::*;
 pub use plot::*;
 pub use render::*;
 pub use shell::*;
@@ -103,6 +105,9 @@ pub enum Command {
     Noise(NoiseArgs),
     /// Find the absorption of a model's fibers for a color or a reflectance, by inverting its albedo.
     Color(ColorArgs),
+    /// Write a cloth or yarn spec that ships with all that it needs into a folder: a name in, files out.
+    /// Without a name: list them.
+    New(NewArgs),
     /// Weave or knit a cloth: cloth spec (TOML) in, its measures, and a cloth (.pwc) or its curves out.
     Weave(WeaveArgs),
     /// Write the hairs of a cloth as curves: cloth spec (TOML) or cloth (.pwc) in, and a mesh (OBJ) to put

@@ -4,6 +4,7 @@
 use crate::args::{Command, WaveCommand};
 use crate::failure::{Failure, Outcome};
 use plywave::io::{FileKind, ModelLibrary};
+use plywave_pipeline::{ShippedKind, ShippedSpec};
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
@@ -101,7 +102,7 @@ impl Kind {
             (Kind::Yarn, Kind::Table) => "`plywave simulate SPEC` makes a table of it",
             (Kind::Family, Kind::Model) => "`plywave family FAMILY --param KEY=VALUE` takes a model out of it",
             (Kind::Table, Kind::Model) => "`plywave fit TABLE` makes a model of it",
-            (Kind::Model, Kind::Cloth) => "write a cloth spec that names it, as fabrics/cloths/jersey.toml",
+            (Kind::Model, Kind::Cloth) => "write a cloth spec that names it, as `plywave new jersey` writes one",
             (Kind::Yarn, Kind::Cloth) => "build its model and write a cloth spec that names it",
             (Kind::Cloth, Kind::Twin) => "`plywave twin SPEC` makes one of it",
             (Kind::Cloth, _) => "`plywave weave`, `plot`, `render`, `export` and `twin` take it",
@@ -208,6 +209,20 @@ fn listed(kinds: &[Kind]) -> String {
     }
 }
 
+/// Words of `plywave new` for a spec that ships under the name of this file, of one of the wanted kinds.
+fn shipped(path: &Path, wanted: &[Kind]) -> Option<String> {
+    let file = path.file_name()?.to_str()?;
+    let is_wanted = |spec: &&ShippedSpec| match spec.kind {
+        ShippedKind::Cloth => wanted.contains(&Kind::Cloth),
+        ShippedKind::Yarn | ShippedKind::Family => wanted.contains(&Kind::Yarn),
+    };
+    let all = ShippedSpec::all();
+    let spec = all.iter().filter(is_wanted).find(|spec| spec.file() == file)?;
+    let has_cloth = all.iter().any(|other| other.kind == ShippedKind::Cloth && other.name() == spec.name());
+    let flag = if has_cloth && spec.kind != ShippedKind::Cloth { " --yarn" } else { "" };
+    Some(format!("{}{flag}", spec.name()))
+}
+
 /// Refuses a file that is not there, and one that is known to be of none of the kinds that a command takes.
 /// What cannot be told by its first bytes is left to the loader.
 fn require(path: &Path, wanted: &[Kind]) -> Outcome {
@@ -219,8 +234,9 @@ fn require(path: &Path, wanted: &[Kind]) -> Outcome {
     };
     match std::fs::metadata(path) {
         Err(error) if error.kind() == std::io::ErrorKind::NotFound => {
-            let made = match wanted {
-                [kind] => kind.made_by().map(|command| format!("`{command}` makes one, or check the path")),
+            let made = match (shipped(path, wanted), wanted) {
+                (Some(name), _) => Some(format!("`plywave new {name}` writes the one that ships, or check the path")),
+                (None, [kind]) => kind.made_by().map(|command| format!("`{command}` makes one, or check the path")),
                 _ => None,
             };
             return refuse("no such file", &made.unwrap_or_else(|| "check the path".into()));
@@ -321,6 +337,6 @@ pub fn check_inputs(command: &Command) -> Outcome {
             WaveCommand::Speckle(args) => one(&args.spec, &[Yarn]),
             WaveCommand::Tabulate(args) => one(&args.spec, &[Yarn, WaveScene]),
         },
-        Command::Completions(_) | Command::Man(_) => Ok(()),
+        Command::Completions(_) | Command::Man(_) | Command::New(_) => Ok(()),
     }
 }

@@ -45,6 +45,7 @@ fn main() -> ExitCode {
         Command::Hairs(args) => commands::hairs::run(&cli, args),
         Command::Twin(args) => commands::twin::run(&cli, args),
         Command::View(args) => commands::view::run(&cli, args),
+        Command::New(args) => commands::new::run(&cli, args),
         Command::Weave(args) => commands::weave::run(&cli, args),
         Command::Completions(args) => commands::shell::completions(args),
         Command::Man(args) => commands::shell::man(&cli, args),

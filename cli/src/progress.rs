@@ -1,12 +1,13 @@
 //! Progress on stderr: a bar on a terminal, else a line every ten seconds; nothing with `--quiet`. And Ctrl-C
 //! and SIGTERM.
 
+use crate::failure::Failure;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use plywave_pipeline::{Progress, Stage};
 use std::io::{IsTerminal, Write};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{RecvTimeoutError, Sender, channel};
-use std::sync::{Mutex, Once, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, Once, PoisonError};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
@@ -26,14 +27,14 @@ pub fn install_stop() {
         // A file beyond the limit of its size is then a failed write with a message, not the end of the
         // program. Without room for a handler it stays that.
         #[cfg(unix)]
-        let _ = signal_hook::flag::register(signal_hook::consts::SIGXFSZ, std::sync::Arc::default());
+        let _ = signal_hook::flag::register(signal_hook::consts::SIGXFSZ, Arc::default());
         let handler = || {
             if !STOPPABLE.load(Ordering::SeqCst) || STOP.swap(true, Ordering::SeqCst) {
                 if std::io::stderr().is_terminal() {
                     // The bar's line makes room; where it cannot, the message stands beside it.
                     let _ = std::io::stderr().write_all(b"\r\x1b[2K");
                 }
-                crate::failure::Failure::Interrupted(format!("stopped; go on with: {}", resume_command())).report();
+                stopped("").report();
                 std::process::exit(130);
             }
         };
@@ -51,19 +52,37 @@ pub fn stoppable<T>(work: impl FnOnce() -> T) -> T {
     done
 }
 
-/// Commands that have the flag `--resume`.
-const RESUMABLE: [&str; 6] = ["simulate", "build", "tabulate", "compare", "speckle", "render"];
+/// What a stopped command says; `left` tells how much work remains. A command without `--resume` keeps
+/// nothing to go on with.
+pub fn stopped(left: &str) -> Failure {
+    let words: Vec<String> = std::env::args_os().skip(1).map(|word| word.to_string_lossy().into_owned()).collect();
+    Failure::Interrupted(match is_resumable(words.iter().map(String::as_str)) {
+        true => format!("stopped{left}; go on with: {}", resume_command()),
+        false => format!("stopped{left}"),
+    })
+}
 
-/// The command line of this run with `--resume`, where the command has that flag.
-pub fn resume_command() -> String {
+/// Whether the command of a command line, without the program, has the flag `--resume`.
+fn is_resumable<'a>(words: impl Iterator<Item = &'a str>) -> bool {
+    let mut command = <crate::args::Cli as clap::CommandFactory>::command();
+    for word in words {
+        if let Some(next) = command.find_subcommand(word).cloned() {
+            command = next;
+        }
+    }
+    command.get_arguments().any(|argument| argument.get_id() == "resume")
+}
+
+/// The command line of this run with `--resume`.
+fn resume_command() -> String {
     let mut words = vec!["plywave".to_string()];
-    for word in std::env::args_os().skip(1) {
+    // With --fresh the command would delete what there is to go on with.
+    for word in std::env::args_os().skip(1).filter(|word| word != "--fresh") {
         let word = word.to_string_lossy();
         let plain = !word.is_empty() && word.chars().all(|c| c.is_alphanumeric() || "-_./=,:+".contains(c));
         words.push(if plain { word.into_owned() } else { format!("'{}'", word.replace('\'', r"'\''")) });
     }
-    let resumable = words.iter().any(|w| RESUMABLE.contains(&w.as_str()));
-    if resumable && !words.iter().any(|w| w == "--resume") {
+    if !words.iter().any(|w| w == "--resume") {
         words.push("--resume".into());
     }
     words.join(" ")
@@ -72,7 +91,10 @@ pub fn resume_command() -> String {
 /// A bar for one stage of the work after the other.
 pub struct Bar {
     bar: ProgressBar,
+    unit: &'static str,
     begun: Instant,
+    /// When its stage began.
+    stage: Arc<Mutex<Instant>>,
     /// Where stderr is no terminal: the thread that writes lines, which ends when the sender is dropped.
     lines: Option<(Sender<()>, JoinHandle<()>)>,
 }
@@ -84,39 +106,44 @@ impl Bar {
         let hidden = quiet || !terminal;
         let target = if hidden { ProgressDrawTarget::hidden() } else { ProgressDrawTarget::stderr_with_hz(8) };
         let bar = ProgressBar::with_draw_target(Some(1), target);
-        let template =
-            format!("{{prefix:>9}} [{{bar:32}}] {{percent:>3}} %  {{rate}} {unit}/s  {{elapsed}}, {{eta}} left");
-        let style = ProgressStyle::with_template(&template)
-            .unwrap_or_else(|_| ProgressStyle::default_bar())
-            .with_key("rate", |state: &indicatif::ProgressState, out: &mut dyn std::fmt::Write| {
-                // What cannot be shown is left out of the bar.
-                let _ = out.write_str(&crate::report::count(state.per_sec()));
-            })
-            .progress_chars("=> ");
-        bar.set_style(style);
+        bar.set_style(style(unit, true));
         bar.set_prefix(what);
         if !hidden {
             bar.enable_steady_tick(Duration::from_millis(250));
         }
         let begun = Instant::now();
+        let stage = Arc::new(Mutex::new(begun));
         let lines = (!quiet && !terminal).then(|| {
             let (sender, ended) = channel();
-            let bar = bar.clone();
+            let (bar, stage) = (bar.clone(), Arc::clone(&stage));
             let write = move || {
                 while ended.recv_timeout(LINES_EVERY) == Err(RecvTimeoutError::Timeout) {
                     // A log that cannot be written is no reason to stop.
-                    let _ = writeln!(std::io::stderr(), "{}", line(&bar, begun.elapsed()));
+                    let _ =
+                        writeln!(std::io::stderr(), "{}", line(&bar, unit, begun.elapsed(), lock(&stage).elapsed()));
                 }
             };
             (sender, std::thread::spawn(write))
         });
-        Bar { bar, begun, lines }
+        Bar { bar, unit, begun, stage, lines }
     }
 
     /// Begins a stage of `total` units.
     pub fn begin(&self, what: &'static str, total: u64) {
+        self.start(what, Some(total));
+    }
+
+    /// Begins a stage, without a total where that is not known.
+    fn start(&self, what: &'static str, total: Option<u64>) {
+        if self.bar.length().is_some() != total.is_some() {
+            self.bar.set_style(style(self.unit, total.is_some()));
+        }
+        *lock(&self.stage) = Instant::now();
         self.bar.set_prefix(what);
-        self.bar.set_length(total);
+        match total {
+            Some(total) => self.bar.set_length(total),
+            None => self.bar.unset_length(),
+        }
         self.bar.set_position(0);
         self.bar.reset_eta();
     }
@@ -130,6 +157,14 @@ impl Bar {
     pub fn update(&self, what: &'static str, done: u64, total: u64) {
         if self.bar.prefix() != what || self.bar.length() != Some(total) {
             self.begin(what, total);
+        }
+        self.bar.set_position(done);
+    }
+
+    /// `done` units of a stage without a known end are done.
+    pub fn count(&self, what: &'static str, done: u64) {
+        if self.bar.prefix() != what || self.bar.length().is_some() {
+            self.start(what, None);
         }
         self.bar.set_position(done);
     }
@@ -151,16 +186,38 @@ impl Drop for Bar {
     }
 }
 
-/// A line for logs.
-fn line(bar: &ProgressBar, time: Duration) -> String {
-    let (done, total) = (bar.position(), bar.length().unwrap_or(0));
+/// How a bar is drawn whose end is known, or not.
+fn style(unit: &str, has_end: bool) -> ProgressStyle {
+    let template = match has_end {
+        true => format!("{{prefix:>9}} [{{bar:32}}] {{percent:>3}} %  {{rate}} {unit}/s  {{elapsed}}, {{eta}} left"),
+        false => format!("{{prefix:>9}} {{spinner}} {{pos}} {unit}  {{rate}} {unit}/s  {{elapsed}}"),
+    };
+    ProgressStyle::with_template(&template)
+        .unwrap_or_else(|_| ProgressStyle::default_bar())
+        .with_key("rate", |state: &indicatif::ProgressState, out: &mut dyn std::fmt::Write| {
+            // What cannot be shown is left out of the bar.
+            let _ = out.write_str(&crate::report::count(state.per_sec()));
+        })
+        .progress_chars("=> ")
+}
+
+fn lock(at: &Mutex<Instant>) -> MutexGuard<'_, Instant> {
+    at.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// A line for logs: `time` that the bar stood, and the remaining time of its stage, which has taken `stage`.
+fn line(bar: &ProgressBar, unit: &str, time: Duration, stage: Duration) -> String {
+    let done = bar.position();
+    let Some(total) = bar.length() else {
+        return format!("{}: {done} {unit}, {}", bar.prefix(), crate::report::duration(time));
+    };
     let percent = 100.0 * done as f64 / total.max(1) as f64;
-    // At the mean rate so far; a bar that is not drawn estimates none itself.
+    // At the mean rate of the stage so far; a bar that is not drawn estimates none itself.
     let remaining = match done {
         0 => String::new(),
         _ => {
             let share = total.saturating_sub(done) as f64 / done as f64;
-            format!(", {} left", crate::report::duration(time.mul_f64(share)))
+            format!(", {} left", crate::report::duration(stage.mul_f64(share)))
         }
     };
     format!("{}: {percent:.0} %, {}{remaining}", bar.prefix(), crate::report::duration(time))
@@ -189,7 +246,10 @@ impl PipelineBar {
             *state = Some((stage, Bar::new(stage.name(), stage.unit(), self.quiet)));
         }
         if let Some((_, bar)) = state.as_ref() {
-            bar.update(stage.name(), done, total);
+            match stage.has_end() {
+                true => bar.update(stage.name(), done, total),
+                false => bar.count(stage.name(), done),
+            }
         }
     }
 
@@ -209,8 +269,25 @@ mod tests {
         let bar = ProgressBar::with_draw_target(Some(8), ProgressDrawTarget::hidden());
         bar.set_prefix("simulate");
         bar.set_position(2);
-        assert_eq!(line(&bar, Duration::from_secs(130)), "simulate: 25 %, 2 min 10 s, 6 min 30 s left");
+        let told = |seconds: u64| line(&bar, "steps", Duration::from_secs(seconds), Duration::from_secs(30));
+        assert_eq!(told(130), "simulate: 25 %, 2 min 10 s, 1 min 30 s left");
         bar.set_position(0);
-        assert_eq!(line(&bar, Duration::from_secs(10)), "simulate: 0 %, 10.0 s");
+        assert_eq!(told(10), "simulate: 0 %, 10.0 s");
+        bar.set_position(400);
+        bar.unset_length();
+        assert_eq!(told(10), "simulate: 400 steps, 10.0 s");
+    }
+
+    /// Also of commands in commands, and with flags before the command.
+    #[test]
+    fn commands_with_resume_go_on() {
+        let goes_on = |line: &str| is_resumable(line.split(' '));
+        for line in ["build", "-q simulate a.toml", "wave tabulate a.toml", "twin a.toml", "family a.toml", "render a"]
+        {
+            assert!(goes_on(line), "{line}");
+        }
+        for line in ["weave a.toml -o a.pwc", "export a.toml --to rgl", "plot a.pwm", "view", "wave", "hairs a.pwc"] {
+            assert!(!goes_on(line), "{line}");
+        }
     }
 }

@@ -22,9 +22,7 @@ const TOLD: f64 = 0.005;
 /// What a render that ended early says.
 pub fn failed(error: RenderError) -> Failure {
     match error {
-        RenderError::Stopped { .. } => {
-            Failure::Interrupted(format!("stopped; go on with: {}", progress::resume_command()))
-        }
+        RenderError::Stopped { .. } => progress::stopped(""),
         RenderError::Io { file, source } if source.kind() == std::io::ErrorKind::NotFound => {
             Failure::Input(format!("{file}: no such file; check the path"))
         }
@@ -165,7 +163,7 @@ pub fn sky(args: &RenderArgs, notes: &mut Vec<String>) -> Outcome<Option<Environ
     Ok(Some(sky))
 }
 
-/// A new film, or with `--resume` the one to go on with.
+/// A new film, or with `--resume` the one to go on with; `--fresh` deletes its sums.
 pub fn film(args: &RenderArgs, outputs: &Outputs, of: &Ingredients) -> Outcome<Film> {
     match outputs.sums.exists() && args.resume {
         true => Film::resume(&outputs.sums, of, args.width, args.height).map_err(failed),

@@ -3,6 +3,7 @@
 
 use crate::error::Error;
 use crate::run::{Progress, Run, Stage};
+use crate::shipped::ShippedSpec;
 use plywave::PlyModel;
 use plywave::cloth::{ClothData, ClothSpec, WeaveSpec, YarnOfCloth};
 use plywave::io::{AssetSource, Folder, ModelLibrary};
@@ -11,10 +12,14 @@ use sha2::{Digest, Sha256};
 use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
 
 /// Largest cloth spec, and largest file that it names [bytes].
 const MAX_SPEC_BYTES: u64 = 1 << 20;
 const MAX_BYTES: u64 = 256 << 20;
+
+/// Steps of a relaxation from one report of progress to the next.
+const STEPS_TOLD: u64 = 16;
 
 /// How cloths are made, raised by each change of that: those of another number are not found in the cache.
 const MAKING: u32 = 3;
@@ -109,6 +114,9 @@ impl ClothRecipe {
                 name.replace_range(name.len() - 4.., "pwm");
                 // One that leads out of the folder is refused as other models are.
                 if !self.folder.join(&name).exists() {
+                    if !self.folder.join(model).exists() {
+                        return Err(self.missing_spec(key, model, Some(&name)));
+                    }
                     let [spec, own] = [model, &name].map(|name| self.folder.join(name).display().to_string());
                     let hint = format!("build its model first: `plywave build {spec} -o {own}`");
                     return Err(self.invalid(key, model, hint));
@@ -116,6 +124,20 @@ impl ClothRecipe {
             }
             Ok(Arc::new(self.model(library, key, &name)?))
         })
+    }
+
+    /// The yarn spec that `key` names is not there, nor is `own`, the model beside it.
+    fn missing_spec(&self, key: &str, model: &str, own: Option<&str>) -> Error {
+        let nor = own.map(|own| format!(", nor its model {own}")).unwrap_or_default();
+        let folder = match self.folder.as_os_str().is_empty() {
+            true => "this folder".into(),
+            false => self.folder.display().to_string(),
+        };
+        let fix = match ShippedSpec::cloth_with(model) {
+            Some(spec) => format!("`plywave new {} -o FOLDER` writes a spec with all that it needs", spec.name()),
+            None => "copy both from where the cloth spec comes from".into(),
+        };
+        self.invalid(key, model, format!("no such file in {folder}{nor}; {fix}"))
     }
 
     fn model(&self, library: &ModelLibrary, key: &str, name: &str) -> Result<PlyModel, Error> {
@@ -132,13 +154,18 @@ impl ClothRecipe {
             if !is_toml(model) {
                 return Ok(self.model(library, key, model)?.data().spec_text.clone());
             }
-            let bytes = self.assets().read(model, MAX_SPEC_BYTES)?;
+            let bytes = self.assets().read(model, MAX_SPEC_BYTES).map_err(|error| match error {
+                plywave::Error::Io { source, .. } if source.kind() == std::io::ErrorKind::NotFound => {
+                    self.missing_spec(key, model, None)
+                }
+                other => other.into(),
+            })?;
             String::from_utf8(bytes).map_err(|_| self.invalid(key, model, "this is no text in UTF-8".into()))
         })
     }
 
     /// Files that it names besides models.
-    fn files(&self) -> Vec<&str> {
+    pub(crate) fn files(&self) -> Vec<&str> {
         let wif = self.spec.weave.iter().filter_map(|weave| match weave {
             WeaveSpec::Wif { file } => Some(file.as_str()),
             _ => None,
@@ -164,10 +191,19 @@ impl ClothRecipe {
     /// # Errors
     /// [`Error::Interrupted`] when stopped, and those of [`make_cloth`].
     pub fn curves(&self, run: &Run<'_>) -> Result<MadeCloth, Error> {
-        run.tell(Progress { stage: Stage::Curves, done: 0, total: 1 });
+        let steps = AtomicU64::new(0);
+        // The end of a stage without a known end is one more than is done.
+        let tell = |done: u64| run.tell(Progress { stage: Stage::Curves, done, total: done + 1 });
+        tell(0);
         let assets = self.assets();
         let mut read = |named: &str| assets.read(named, MAX_BYTES);
-        let go_on = || run.check_stop().is_ok();
+        let go_on = || {
+            let done = steps.fetch_add(1, Ordering::Relaxed) + 1;
+            if done.is_multiple_of(STEPS_TOLD) {
+                tell(done);
+            }
+            run.check_stop().is_ok()
+        };
         let made = make_cloth(&self.spec, &self.file, &mut read, Effort::Full, &go_on);
         made.map_err(|error| Error::of_simulation(error, &self.file))
     }
@@ -303,6 +339,13 @@ mod tests {
         let refused = |recipe: &ClothRecipe| recipe.models(&library).unwrap_err().to_string();
         assert_eq!(refused(&recipe("")), "voile.toml: warp.model = (absent): name the model of its plies");
         assert!(refused(&recipe("model = \"polyester\"\n")).contains("weft.model = (absent)"));
+        // Neither the spec that is named nor its model: a shipped cloth comes with both.
+        let missing = refused(&recipe("model = \"plies/silk_single.toml\"\n"));
+        assert!(missing.contains("warp.model = plies/silk_single.toml: no such file in"), "{missing}");
+        assert!(missing.contains("nor its model plies/silk_single.pwm; `plywave new organza"), "{missing}");
+        assert!(!missing.contains("build"), "{missing}");
+        let specs = |recipe: &ClothRecipe| recipe.ply_specs(&library).unwrap_err().to_string();
+        assert!(specs(&recipe("model = \"ply.toml\"\n")).contains("warp.model = ply.toml: no such file in"));
         std::fs::write(folder.path().join("ply.toml"), plywave::spec::POLYESTER).unwrap();
         assert!(refused(&recipe("model = \"ply.toml\"\n")).contains("build its model first: `plywave build"));
         assert_eq!([0, 1].map(|kind| recipe("").kind_name(kind)), ["warp", "weft"]);

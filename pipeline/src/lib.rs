@@ -39,7 +39,7 @@ pub use family::{
 };
 pub use recipe::{Quality, Recipe, Speckle, with_keys};
 pub use run::{Progress, Run, Stage};
-pub use shipped::{SHIPPED_MODELS, model_library};
+pub use shipped::{SHIPPED_MODELS, ShippedKind, ShippedSpec, model_library};
 pub use stages::{
     FitQuality, MIN_MET, add_speckle, check_fit, fit_model, held_errors, simulate, simulate_job, solve_speckle,
     speckle_options, yarn_table,

@@ -19,7 +19,7 @@ pub enum Stage {
     FitErrors,
     /// Fibers whose speckle is solved.
     Speckle,
-    /// Yarns of a cloth that come to rest: 0 of 1 is done.
+    /// Steps in which the yarns of a cloth come to rest.
     Curves,
     /// A further step of making a cloth, by its name: 0 of 1 is done.
     Cloth(&'static str),
@@ -54,6 +54,12 @@ impl Stage {
             Stage::Cloth(_) => "parts",
             Stage::Export => "directions",
         }
+    }
+
+    /// Whether the number of its units is known before its end. Where it is not, the total of [`Progress`] is
+    /// one more than is done.
+    pub fn has_end(self) -> bool {
+        self != Stage::Curves
     }
 
     /// Whether the stage checks the stop flag while it runs and keeps its finished shards.

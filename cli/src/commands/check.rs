@@ -6,6 +6,7 @@
 use super::{Yarn, check_traced, on_threads};
 use crate::args::{CheckArgs, Cli};
 use crate::failure::{Failure, Outcome};
+use crate::progress::Bar;
 use crate::report::{Spread, number};
 use crate::{kinds, output};
 use plywave::check::{
@@ -48,6 +49,8 @@ struct Slice {
 /// copied.
 const ENERGY_TOLERANCE: f64 = 1e-3;
 
+/// Parts of a model that are checked: its lobes, the whole ply, the ply over a second layer.
+const PARTS: u64 = 3;
 /// Names of the lines of the whole ply, edge light included.
 const WHOLE: [&str; 5] = ["whole_furnace", "whole_weight", "whole_sampled", "whole_chi_square", "whole_kept"];
 /// Names of the lines of a ply over a second layer. Its sampler is held by weight and chi-square: the sampled
@@ -137,7 +140,10 @@ pub fn run(cli: &Cli, args: &CheckArgs) -> Outcome {
     };
     let mut rng = rand_pcg::Pcg64Mcg::seed_from_u64(args.seed);
     let options = CheckOptions { incidences: args.incidences as usize, ..CheckOptions::default() };
+    let bar = Bar::new("check", "parts", cli.quiet);
+    bar.begin("check", PARTS);
     let report = check_model(&model, &options, &mut || rng.random());
+    bar.advance(1);
     let mut lines = vec![
         Line::at_most("furnace", "|integral of eval - albedo|", report.furnace_error(), FURNACE_TOLERANCE),
         Line::at_most("pdf_integral", "|integral of pdf - chance to hit|", report.pdf_error(), FURNACE_TOLERANCE),
@@ -165,9 +171,11 @@ pub fn run(cli: &Cli, args: &CheckArgs) -> Outcome {
     if let Some(whole) = check_whole(&model, &options, &mut || rng.random()) {
         part_lines(&mut lines, WHOLE, &whole, FURNACE_TOLERANCE);
     }
+    bar.advance(1);
     if let Some(layers) = check_layers(&model, &options, &mut || rng.random()) {
         part_lines(&mut lines, LAYERS, &layers, LAYER_TOLERANCE);
     }
+    bar.finish();
     // Without a table, the errors that the fit stored.
     let mut rms = None;
     let (error_refl, error_high) = match held {

@@ -6,6 +6,7 @@ use super::twin::{angles, sigma_text};
 use crate::args::{CheckArgs, Cli};
 use crate::failure::{Failure, Outcome};
 use crate::output;
+use crate::progress::Bar;
 use plywave::cloth::{ClothModel, ClothOptions, ClothSpec};
 use plywave::twin::{ClothTwin, Comparison, ComparisonOptions, compare};
 use plywave_pipeline::ReadyCloth;
@@ -61,8 +62,15 @@ pub fn run(cli: &Cli, args: &CheckArgs) -> Outcome {
 
 /// Compares a cloth with its twin.
 fn held(cli: &Cli, args: &CheckArgs, (path, twin): (&Path, &ClothTwin), cloth: &ClothModel) -> Outcome {
-    let of_view = |view| compare(cloth, twin, view, &ComparisonOptions::default());
+    let bar = Bar::new("compare", "views", cli.quiet);
+    bar.begin("compare", twin.view_count() as u64);
+    let of_view = |view| {
+        let compared = compare(cloth, twin, view, &ComparisonOptions::default());
+        bar.advance(1);
+        compared
+    };
     let all = on_threads(cli, || (0..twin.view_count()).into_par_iter().map(of_view).collect::<Vec<_>>().concat())?;
+    bar.finish();
     let passed = all.iter().all(|c| verdicts(twin, c).iter().all(|v| *v));
     let printed = if cli.json {
         let views: Vec<serde_json::Value> = all

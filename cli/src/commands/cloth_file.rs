@@ -4,14 +4,14 @@ use super::{on_threads, runs};
 use crate::args::Cli;
 use crate::failure::Outcome;
 use crate::kinds::{self, Kind};
-use crate::{output, progress, report};
+use crate::progress::{self, PipelineBar};
+use crate::{output, report};
 use plywave::PlyModel;
 use plywave::cloth::{ClothData, ClothModel, ClothOptions};
-use plywave_pipeline::{ClothRecipe, Progress, ReadyCloth, Run, Stage, digest_of_file};
+use plywave_pipeline::{ClothRecipe, Progress, ReadyCloth, Run, digest_of_file};
 use plywave_sim::cloth::MadeCloth;
 use std::path::Path;
 use std::sync::Arc;
-use std::time::Instant;
 
 /// Reads a cloth spec.
 pub fn recipe(file: &Path) -> Outcome<ClothRecipe> {
@@ -21,12 +21,8 @@ pub fn recipe(file: &Path) -> Outcome<ClothRecipe> {
 /// Runs `work`, which tells its steps, on the number of threads that --threads gives.
 fn told<T: Send>(cli: &Cli, work: impl FnOnce(&Run<'_>) -> Result<T, plywave_pipeline::Error> + Send) -> Outcome<T> {
     progress::install_stop();
-    let begun = Instant::now();
-    let tell = |Progress { stage, done, .. }: Progress| {
-        if !cli.quiet && stage != Stage::Curves && done == 0 {
-            eprintln!("cloth: {}, {:.1} s", stage.name(), begun.elapsed().as_secs_f64());
-        }
-    };
+    let bar = PipelineBar::new(cli.quiet);
+    let tell = |progress: Progress| bar.update(progress);
     on_threads(cli, || work(&Run { progress: Some(&tell), ..Run::plain() }))?.map_err(runs::pipeline_failure)
 }
 

@@ -4,7 +4,7 @@ use super::{cloth_file, on_threads, runs};
 use crate::args::{Cli, HairsArgs};
 use crate::failure::{Failure, Outcome};
 use crate::kinds::{self, Kind};
-use crate::progress::STOP;
+use crate::progress::{Bar, STOP};
 use crate::rendering::{failed, mesh_notes};
 use crate::{output, progress, report};
 use plywave::cloth::making::Uneven;
@@ -95,11 +95,13 @@ pub fn run(cli: &Cli, args: &HairsArgs) -> Outcome {
     let mut tally = Tally::default();
     let mut wrong = Ok(());
     progress::install_stop();
+    let bar = Bar::new("hairs", "pieces", cli.quiet);
+    bar.begin("hairs", pieces.len() as u64);
     let written = progress::stoppable(|| {
         output::write_whole_by(&path, |out| {
             for pieces in pieces.chunks(PIECES) {
                 if STOP.load(Ordering::Relaxed) {
-                    wrong = Err(Failure::Interrupted("stopped; nothing is written".into()));
+                    wrong = Err(progress::stopped(""));
                     return Err(std::io::Error::other("stopped"));
                 }
                 let made = on_threads(cli, || {
@@ -114,6 +116,7 @@ pub fn run(cli: &Cli, args: &HairsArgs) -> Outcome {
                 });
                 match made {
                     Ok(made) => {
+                        bar.advance(made.len() as u64);
                         for (text, own) in made {
                             out.write_all(text.as_bytes())?;
                             tally.add(&own);
@@ -128,6 +131,7 @@ pub fn run(cli: &Cli, args: &HairsArgs) -> Outcome {
             Ok(())
         })
     });
+    bar.finish();
     wrong?;
     written?;
     tell(cli, args, &path, &spec.name, &at, &tally)

@@ -6,6 +6,7 @@ use crate::args::{Cli, InfoArgs};
 use crate::failure::{Failure, Outcome};
 use crate::kinds::{self, Kind};
 use crate::output;
+use crate::progress::Bar;
 use crate::report::{self, Spread, number};
 use crate::yarn_words::yarn_line;
 use plywave::ply::{EnergiesAt, PlyData};
@@ -102,7 +103,9 @@ impl HitChance {
     }
 
     /// Of plies packed by a spec.
-    fn spec(spec: &YarnSpec, file: &str) -> Outcome<HitChance> {
+    fn spec(cli: &Cli, spec: &YarnSpec, file: &str) -> Outcome<HitChance> {
+        let bar = Bar::new("pack", "plies", cli.quiet);
+        bar.begin("pack", MET_PLIES);
         let h_um: Vec<f64> = MET_AT.iter().map(|h| h * spec.ply_radii_um()[0]).collect();
         let mut chance = vec![0.0; h_um.len()];
         for seed in 0..MET_PLIES {
@@ -110,6 +113,7 @@ impl HitChance {
             for (sum, met) in chance.iter_mut().zip(ply.chance_to_meet(&h_um, MET_TURNS)) {
                 *sum += met / MET_PLIES as f64;
             }
+            bar.advance(1);
         }
         Ok(HitChance { h_rel: MET_AT.to_vec(), chance, of: "line" })
     }
@@ -125,7 +129,7 @@ impl HitChance {
 fn spec(cli: &Cli, path: &Path) -> Outcome {
     let (spec, _) = YarnSpec::load(path)?;
     let file = path.display().to_string();
-    let met = HitChance::spec(&spec, &file)?;
+    let met = HitChance::spec(cli, &spec, &file)?;
     let packing = match spec.ply.packing {
         Packing::Falling => "falling",
         Packing::Lined => "lined",

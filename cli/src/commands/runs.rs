@@ -63,7 +63,7 @@ pub fn pipeline_failure(error: plywave_pipeline::Error) -> Failure {
 /// What a run that was stopped says.
 fn interrupted(left: usize, total: usize) -> Failure {
     let told = if total > 0 { format!(" with {left} of {total} shards left") } else { String::new() };
-    Failure::Interrupted(format!("stopped{told}; go on with: {}", progress::resume_command()))
+    progress::stopped(&told)
 }
 
 /// Says what parts were dropped.

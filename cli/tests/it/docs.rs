@@ -2,7 +2,8 @@
 //! its output compared, numbers within what other processors round otherwise and other machines take in time.
 //! `scripts/renew_docs.sh` writes the output anew.
 
-use crate::common::{run, text};
+use crate::common::{names, run, succeed, text};
+use std::collections::BTreeSet;
 use std::path::Path;
 
 /// A command of the page, from `line` on, and the output that follows it.
@@ -81,7 +82,10 @@ fn hold(chosen: impl Fn(&str) -> bool) {
         let done = run(dir, &args);
         let all = text(&done.stdout) + &text(&done.stderr);
         // How far a long run is, where nobody looks on.
-        let is_progress = |line: &&str| line.contains(" %, ") && line.ends_with(" left");
+        let is_progress = |line: &&str| {
+            let words: Vec<&str> = line.split_once(": ").map_or(*line, |(_, rest)| rest).split(' ').take(2).collect();
+            matches!(words[..], [number, "%," | "steps,"] if !line.starts_with(' ') && number.parse::<u64>().is_ok())
+        };
         let mut output: Vec<String> =
             all.lines().filter(|line| !is_progress(line)).map(|line| line.trim_end().to_string()).collect();
         if shown.output.last().is_some_and(|last| last == CUT) {
@@ -133,6 +137,149 @@ fn output_of_quick_commands_is_as_shown() {
 #[ignore = "slow: 60 s: simulates and fits twice"]
 fn output_of_slow_commands_is_as_shown() {
     hold(is_slow);
+}
+
+/// Commands that `plywave help` lists, in its order.
+fn commands_of_program(of: &[&str]) -> Vec<String> {
+    let help = succeed(Path::new("."), &[&["help"], of].concat());
+    let block = help.lines().skip_while(|line| *line != "Commands:").skip(1).take_while(|line| !line.is_empty());
+    // What a command does may go on in the next line, further in.
+    let names = block.filter(|line| line.starts_with("  ") && !line.starts_with("   "));
+    let names = names.filter_map(|line| line.split_whitespace().next()).filter(|name| *name != "help");
+    names.map(str::to_string).collect()
+}
+
+/// Flags that `plywave help` lists for a command, but for those of every command.
+fn flags_of_program(command: &[&str]) -> BTreeSet<String> {
+    let help = succeed(Path::new("."), &[&["help"], command].concat());
+    let flags = help.lines().filter_map(|line| {
+        let line = line.trim_start();
+        let line = line
+            .strip_prefix('-')
+            .and_then(|l| l.strip_prefix(|c: char| c.is_ascii_lowercase()))
+            .map_or(line, |l| l.trim_start_matches([',', ' ']));
+        let name = line.strip_prefix("--")?.split([' ', '=']).next()?;
+        Some(format!("--{name}"))
+    });
+    flags.filter(|flag| !COMMON_FLAGS.contains(&flag.as_str())).collect()
+}
+
+const COMMON_FLAGS: [&str; 6] = ["--help", "--json", "--models", "--quiet", "--threads", "--version"];
+
+/// Commands with their subcommands, as words of the command line.
+fn all_commands() -> Vec<Vec<String>> {
+    let with_subcommands = |name: String| match name.as_str() {
+        "wave" => commands_of_program(&["wave"]).into_iter().map(|sub| vec![name.clone(), sub]).collect(),
+        _ => vec![vec![name]],
+    };
+    commands_of_program(&[]).into_iter().flat_map(with_subcommands).collect()
+}
+
+/// Code in a text: what stands between two backticks.
+fn code(text: &str) -> Vec<&str> {
+    text.split('`').skip(1).step_by(2).collect()
+}
+
+/// The table whose first line is `head`: its rows, and where they lie among the lines.
+fn table<'a>(lines: &[&'a str], head: &str) -> (std::ops::Range<usize>, Vec<Vec<&'a str>>) {
+    let first = 2 + lines.iter().position(|line| *line == head).unwrap_or_else(|| panic!("no table {head}"));
+    let rows: Vec<Vec<&str>> = lines[first..]
+        .iter()
+        .take_while(|line| line.starts_with('|'))
+        .map(|line| line.trim_matches('|').split('|').map(str::trim).collect())
+        .collect();
+    (first..first + rows.len(), rows)
+}
+
+/// The page lists the commands of the program, each with its flags; `scripts/renew_docs.sh` writes the flags.
+#[test]
+fn output_of_help_is_what_the_page_lists() {
+    let written = std::fs::read_to_string(page()).unwrap();
+    let lines: Vec<&str> = written.lines().collect();
+    let listed: BTreeSet<&str> = table(&lines, "| command | does |").1.iter().flat_map(|row| code(row[0])).collect();
+    let program = commands_of_program(&[]);
+    assert_eq!(listed, program.iter().map(String::as_str).collect(), "the first table of the page");
+
+    let (at, rows) = table(&lines, "| command | flags |");
+    let expected: Vec<String> = all_commands()
+        .iter()
+        .map(|command| {
+            let words: Vec<&str> = command.iter().map(String::as_str).collect();
+            let flags: Vec<String> = flags_of_program(&words).iter().map(|flag| format!("`{flag}`")).collect();
+            format!("| `{}` | {} |", words.join(" "), if flags.is_empty() { "none".into() } else { flags.join(", ") })
+        })
+        .collect();
+    if std::env::var_os("PLYWAVE_RENEW_DOCS").is_some() {
+        let mut lines: Vec<String> = lines.iter().map(|line| (*line).to_string()).collect();
+        lines.splice(at, expected);
+        return std::fs::write(page(), lines.join("\n") + "\n").unwrap();
+    }
+    let shown: Vec<&str> = lines[at].to_vec();
+    assert_eq!(shown, expected, "{rows:?}");
+}
+
+/// Flags that the page speaks of belong to the program: in some sections, to the command of the section.
+#[test]
+fn flags_on_the_page_are_the_programs() {
+    let written = std::fs::read_to_string(page()).unwrap();
+    let all: BTreeSet<String> = all_commands()
+        .iter()
+        .flat_map(|command| flags_of_program(&command.iter().map(String::as_str).collect::<Vec<_>>()))
+        .chain(COMMON_FLAGS.map(str::to_string))
+        .collect();
+    // Flags of a shell command or of other programs stand in blocks of code.
+    let mut in_code = false;
+    for (k, line) in written.lines().enumerate() {
+        in_code ^= line.starts_with("```");
+        if in_code && !line.contains("plywave") {
+            continue;
+        }
+        let words = line.split(|c: char| !(c.is_ascii_lowercase() || c.is_ascii_digit() || c == '-'));
+        for flag in words.filter(|word| word.len() > 3 && word.starts_with("--") && !word.starts_with("---")) {
+            let is_cargos = line.contains("cargo ");
+            assert!(is_cargos || all.contains(flag), "{}:{}: no command has {flag}", page(), k + 1);
+        }
+    }
+    let sections = [("### Export", "export"), ("### View", "view"), ("### Hairs", "hairs"), ("### New", "new")];
+    for (title, command) in sections {
+        let flags = flags_of_program(&[command]);
+        let section = written.split(title).nth(1).unwrap_or_else(|| panic!("no section {title}"));
+        let section = section.split("\n## ").next().and_then(|s| s.split("\n### ").next()).unwrap();
+        for row in section.lines().filter(|line| line.starts_with("| `--")) {
+            for flag in code(row.trim_matches('|').split('|').next().unwrap()) {
+                assert!(flags.contains(flag), "{title}: {flag} is none of {flags:?}");
+            }
+        }
+    }
+}
+
+/// Names of files in a folder of `fabrics`, without their ending.
+fn shipped(folder: &str, ending: &str) -> BTreeSet<String> {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../fabrics").join(folder);
+    names(&folder).iter().filter_map(|name| name.strip_suffix(ending)).map(str::to_string).collect()
+}
+
+/// What the page says that ships is in the folders.
+#[test]
+fn what_ships_is_what_the_page_lists() {
+    let written = std::fs::read_to_string(page()).unwrap();
+    let part = |from: &str, to: &str| -> String {
+        let rest = written.split(from).nth(1).unwrap_or_else(|| panic!("{}: no {from:?}", page()));
+        rest.split(to).next().unwrap().replace('\n', " ")
+    };
+    let models = part("compiled into the program and into the Python package:", ".\n");
+    let models: BTreeSet<String> = models.split(',').map(|name| name.trim().to_string()).collect();
+    assert_eq!(models, shipped("models", ".pwm"));
+    let cloths = part("Specs ship in `fabrics/cloths/`:", ";");
+    let cloths: BTreeSet<String> = code(&cloths).into_iter().map(str::to_string).collect();
+    assert_eq!(cloths, shipped("cloths", ".toml"));
+    // The page says that each has the models of its plies.
+    assert!(written.contains("All cloths that ship have the models of their plies."));
+    assert_eq!(shipped("cloths/plies", ".toml"), shipped("cloths/plies", ".pwm"));
+    let singles = part("has models of one ply of ", ".\n");
+    let singles: BTreeSet<&str> = singles.split([',', ' ']).filter(|word| !word.is_empty() && *word != "and").collect();
+    let expected = shipped("models", ".pwm").into_iter().filter(|name| !name.ends_with("ply")).collect::<Vec<_>>();
+    assert_eq!(singles, expected.iter().map(String::as_str).collect());
 }
 
 #[test]

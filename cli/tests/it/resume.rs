@@ -258,3 +258,68 @@ fn renders_have_their_outputs_for_themselves() {
     succeed(dir, &shot("a.png", "1"));
     assert!(!names(dir).iter().any(|name| name.ends_with(".lock")), "{:?}", names(dir));
 }
+
+/// Interrupts a command as soon as it listens to that; gives its exit code and what it said.
+#[cfg(target_os = "linux")]
+fn interrupted(dir: &Path, args: &[&str]) -> (Option<i32>, String) {
+    let mut child = plywave(dir, args).stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap();
+    let begun = Instant::now();
+    // The signals that a program catches, as bits: SIGINT is the second signal.
+    let listens = |status: String| {
+        let caught = status.lines().find_map(|line| line.strip_prefix("SigCgt:")).map(str::trim);
+        caught.is_some_and(|bits| u64::from_str_radix(bits, 16).unwrap() & 2 != 0)
+    };
+    while !listens(std::fs::read_to_string(format!("/proc/{}/status", child.id())).unwrap()) {
+        assert!(child.try_wait().unwrap().is_none(), "{args:?} ended before it could be stopped");
+        assert!(begun.elapsed() < Duration::from_secs(60), "{args:?} does not listen within a minute");
+        std::thread::sleep(Duration::from_millis(2));
+    }
+    assert!(Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap().success());
+    let output = child.wait_with_output().unwrap();
+    (output.status.code(), text(&output.stderr))
+}
+
+/// What cannot be gone on with is not told to be: nothing of it is kept.
+#[cfg(target_os = "linux")]
+#[test]
+fn commands_that_keep_nothing_do_not_go_on() {
+    let folder = folder();
+    let dir = folder.path();
+    succeed(dir, &["new", "percale", "-q"]);
+    let all = names(dir);
+    for command in [
+        &["weave", "percale.toml", "-o", "p.pwc"][..],
+        &["weave", "percale.toml", "-o", "p.bcc"],
+        &["export", "percale.toml", "--to", "rgl", "-o", "p.bsdf"],
+        &["plot", "percale.toml", "-o", "p.png"],
+    ] {
+        let (code, told) = interrupted(dir, command);
+        assert_eq!((code, told.trim_end()), (Some(130), "stopped"), "{command:?}");
+        assert_eq!(names(dir), all, "{command:?}");
+    }
+}
+
+/// A render that is stopped while its cloth is made goes on with the command that it says.
+#[cfg(target_os = "linux")]
+#[test]
+#[ignore = "slow: 30 s: a render goes on from its cloth"]
+fn a_render_goes_on_from_its_cloth() {
+    let folder = folder();
+    let dir = folder.path();
+    succeed(dir, &["new", "organza", "-q"]);
+    let shot = ["render", "organza.toml", "--width", "8", "--height", "8", "--samples", "1", "-q", "-o", "o.png"];
+    let with_cache = |args: &[&str]| {
+        let mut command = plywave(dir, args);
+        command.env("PLYWAVE_CACHE", dir.join("cache"));
+        command
+    };
+    let mut child = with_cache(&shot).stderr(Stdio::piped()).spawn().unwrap();
+    std::thread::sleep(Duration::from_secs(1));
+    assert!(child.try_wait().unwrap().is_none(), "ended before it could be stopped");
+    assert!(Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap().success());
+    let told = text(&child.wait_with_output().unwrap().stderr);
+    let (_, command) = told.trim_end().split_once("go on with: plywave ").unwrap_or_else(|| panic!("{told}"));
+    let args: Vec<&str> = command.split(' ').collect();
+    let done = with_cache(&args).output().unwrap();
+    assert!(done.status.success() && dir.join("o.png").exists(), "{}", text(&done.stderr));
+}

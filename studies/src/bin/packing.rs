@@ -1,5 +1,5 @@
 //! Radial density of packed plies, probability to hit a fiber, and time per ply:
-//! `cargo run --release -p plywave-studies --bin packing -- fabrics/*.toml`.
+//! `cargo run --release -p plywave-studies --bin packing -- fabrics/[!C]*.toml`.
 //!
 
 use plywave::spec::{Packing, YarnSpec};
