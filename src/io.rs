@@ -11,11 +11,13 @@ pub(crate) mod container;
 pub mod disk;
 pub(crate) mod document;
 mod library;
+mod set;
 mod source;
 
 pub use container::{FileKind, file_kind};
 pub use disk::{is_temporary, lock_file, open_file, output_target, read_file, read_text, write_file, write_file_with};
 pub use library::{MODELS_VARIABLE, ModelLibrary};
+pub use set::write_files;
 pub use source::{AssetSource, Folder, MemoryAssets};
 
 pub(crate) use check::{Axis, Check, Summary};

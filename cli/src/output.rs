@@ -118,12 +118,22 @@ pub fn write_whole(path: &Path, bytes: &[u8]) -> Outcome {
 
 /// As [`write_whole`], piece by piece, by the one writer of `plywave::io`.
 pub fn write_whole_by(path: &Path, write: impl FnOnce(&mut dyn Write) -> std::io::Result<()>) -> Outcome {
-    plywave::io::write_file_with(path, write).map_err(|error| match error {
-        plywave::Error::Io { source, .. } => {
-            Failure::input(path.display(), "-o", source, "choose a place that can be written")
+    plywave::io::write_file_with(path, write).map_err(unwritten)
+}
+
+/// Writes several files as one: all whole, or all as they were.
+pub fn write_set<P: AsRef<Path>, B: AsRef<[u8]>>(files: &[(P, B)]) -> Outcome {
+    plywave::io::write_files(files).map_err(unwritten)
+}
+
+/// What a failed write to a file means.
+fn unwritten(error: plywave::Error) -> Failure {
+    match error {
+        plywave::Error::Io { file, source } => {
+            Failure::input(file, "-o", source, "choose a place that can be written")
         }
         other => other.into(),
-    })
+    }
 }
 
 fn folder(path: &Path) -> &Path {

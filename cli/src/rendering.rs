@@ -234,13 +234,15 @@ pub fn shoot(
         exposure: args.exposure as f32,
         cut_share: film.cut_share(),
     };
+    let mut files = Vec::new();
     if let Some(path) = &outputs.exr {
-        output::write_whole(path, &film.exr(&facts).map_err(failed)?)?;
+        files.push((path, film.exr(&facts).map_err(failed)?));
     }
     if let Some(path) = &outputs.png {
         let image = film.image(FilmView::Light, args.exposure as f32);
-        output::write_whole(path, &png(&image, &facts.entries()).map_err(failed)?)?;
+        files.push((path, png(&image, &facts.entries()).map_err(failed)?));
     }
+    output::write_set(&files)?;
     match args.keep_sums {
         true => save(&film)?,
         // Sums that were never written, or are gone already, need no removal.

@@ -1,15 +1,17 @@
 //! A cloth for other programs: reports, BSDF files, materials.
 //!
-//! [`export`] makes the files of a [`Format`] in memory; [`Exported::save`] writes them. All of them are of
-//! the same mean over the cell ([`MeanCloth`]), or of maps of the same cloth over its repeat.
+//! [`export`] makes the files of a [`Format`] in memory; [`Exported::save`] writes all of them or none. All
+//! are of the same mean over the cell ([`MeanCloth`]), or of maps of the same cloth over its repeat.
 
 mod basis;
 mod gltf;
+mod heat;
 mod maps;
 mod material;
 mod matrix;
 mod mean;
 mod openpbr;
+mod outputs;
 mod report;
 mod rgl;
 mod tensor_file;
@@ -18,8 +20,9 @@ mod usd;
 mod window_xml;
 
 pub use basis::{Basis, KLEMS_RINGS, incident, outgoing};
+pub use heat::Heat;
 pub use maps::{Maps, Point, Texel, rectangle};
-pub use material::{Fit, Gloss, Material};
+pub use material::{Bound, Fit, Gloss, Material};
 pub use matrix::{BAND_NAMES, BANDS, Block, Matrix, Steps};
 pub use mean::{Bands, BeyondVisible, CONE_RAD, Energies, Estimate, MeanCloth, NODES, Spectrum, lambda_um};
 pub use report::{Report, Row, View};
@@ -126,8 +129,8 @@ impl Default for ExportOptions {
 /// The files of an export.
 #[derive(Clone, Debug)]
 pub struct Exported {
-    /// The main file, then those that it names: names relative to its folder, and bytes.
-    pub files: Vec<(String, Vec<u8>)>,
+    /// The main files, then those that they name: paths and bytes.
+    pub files: Vec<(PathBuf, Vec<u8>)>,
     /// What a user should know, one a line: what is assumed, what the format leaves out.
     pub notes: Vec<String>,
     /// Numbers, by name.
@@ -135,24 +138,15 @@ pub struct Exported {
 }
 
 impl Exported {
-    /// Writes the files, each whole or not at all, the main one last.
+    /// Writes all files or none, the main ones last; gives their paths.
     ///
     /// # Errors
     /// [`plywave::Error::Io`].
-    pub fn save(&self, path: &Path) -> Result<Vec<PathBuf>, Error> {
-        let folder = path.parent().unwrap_or(Path::new(""));
-        let mut written = Vec::new();
-        for (i, (name, bytes)) in self.files.iter().enumerate().rev() {
-            let at = if i == 0 { path.to_path_buf() } else { folder.join(name) };
-            if let Some(parent) = at.parent().filter(|p| !p.as_os_str().is_empty() && !p.is_dir()) {
-                let io = |source| plywave::Error::Io { file: parent.display().to_string(), source };
-                std::fs::create_dir_all(parent).map_err(io)?;
-            }
-            plywave::io::write_file_with(&at, |out| out.write_all(bytes))?;
-            written.push(at);
-        }
-        written.reverse();
-        Ok(written)
+    pub fn save(&self) -> Result<Vec<PathBuf>, Error> {
+        let files: Vec<(&Path, &[u8])> =
+            self.files.iter().rev().map(|(path, bytes)| (path.as_path(), bytes.as_slice())).collect();
+        plywave::io::write_files(&files)?;
+        Ok(self.files.iter().map(|(path, _)| path.clone()).collect())
     }
 }
 
@@ -162,10 +156,10 @@ fn beyond_note(beyond: BeyondVisible) -> Vec<String> {
     let [uv, ir] = bands.solar_ends.map(|share| format!("{:.1} %", 100.0 * share));
     let end = |given: Option<f64>, end: &str| match given {
         Some(sigma) => format!("{sigma} per um"),
-        None => format!("that at {end} um"),
+        None => format!("what it is at {end} um"),
     };
     vec![format!(
-        "Solar: below 0.38 um ({uv} of the sun's energy) the absorption is assumed to be {}, above 0.78 um ({ir}) {}.",
+        "Solar numbers assume an absorption where the colors of the yarns are not known: below 0.38 um ({uv} of the sun's energy) {}, above 0.78 um ({ir}) {}.",
         end(beyond.uv_per_um, "0.38"),
         end(beyond.ir_per_um, "0.78")
     )]
@@ -217,7 +211,35 @@ const TREE_TOLERANCE: f64 = 0.02;
 /// Nodes of the RGL's file.
 const RGL_SIZE: rgl::RglSize = rgl::RglSize { phi_i: 17, theta_i: 12, half: [64, 64] };
 
-/// The files of a cloth in a format; `name` is that of the main file.
+/// Refuses names of main files that the format does not have; a report has one or more, another format one.
+fn check_mains(format: Format, mains: &[PathBuf]) -> Result<(), Error> {
+    let refuse = |main: &Path, key: &str, value: String, hint: String| {
+        let (file, key) = (main.display().to_string(), key.into());
+        Err(Error::Runtime(plywave::Error::Invalid { file, key, value, hint }))
+    };
+    for (k, main) in mains.iter().enumerate() {
+        let ending = outputs::ending(main);
+        if !format.endings().contains(&ending.as_str()) {
+            let endings: Vec<String> = format.endings().iter().map(|e| format!(".{e}")).collect();
+            let value = if ending.is_empty() { "(none)".into() } else { format!(".{ending}") };
+            return refuse(main, "ending", value, format!("name a {}", endings.join(", ")));
+        }
+        if mains[..k].contains(main) {
+            return refuse(main, "output", "given twice".into(), "give each file a name of its own".into());
+        }
+    }
+    match mains {
+        [] => refuse(Path::new("export"), "output", "(absent)".into(), "name a file".into()),
+        [_] => Ok(()),
+        [_, next, ..] if format != Format::Report => {
+            let hint = "only a report is written to several files; export once for each file";
+            refuse(next, "output", "a second file".into(), hint.into())
+        }
+        _ => Ok(()),
+    }
+}
+
+/// The files of a cloth in a format; `mains` are the paths of the main file, or of a report's files.
 ///
 /// # Errors
 /// [`Error::Runtime`] for options out of range and an ending that the format does not have,
@@ -225,21 +247,14 @@ const RGL_SIZE: rgl::RglSize = rgl::RglSize { phi_i: 17, theta_i: 12, half: [64,
 pub fn export(
     data: &ClothData,
     format: Format,
-    name: &str,
+    mains: &[PathBuf],
     options: &ExportOptions,
     run: &Run<'_>,
 ) -> Result<Exported, Error> {
     check(options, format)?;
-    let ending = Path::new(name).extension().map(|e| e.to_string_lossy().to_ascii_lowercase()).unwrap_or_default();
-    if !format.endings().contains(&ending.as_str()) {
-        let endings: Vec<String> = format.endings().iter().map(|e| format!(".{e}")).collect();
-        return Err(Error::Runtime(plywave::Error::Invalid {
-            file: name.into(),
-            key: "ending".into(),
-            value: if ending.is_empty() { "(none)".into() } else { format!(".{ending}") },
-            hint: format!("name a {}", endings.join(", ")),
-        }));
-    }
+    check_mains(format, mains)?;
+    let main = mains[0].as_path();
+    let name = main.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
     let cloth = MeanCloth::new(data, options.sigma_per_um, options.beyond)?;
     let tell = |done: u64, total: u64| run.tell(Progress { stage: Stage::Export, done, total });
     match format {
@@ -251,12 +266,6 @@ pub fn export(
                 run.check_stop()
             };
             let report = Report::new(&cloth, &data.name, &views, options.samples, options.seed, &mut each)?;
-            let text = match ending.as_str() {
-                "json" => report.json(),
-                "csv" => report.csv(),
-                "html" => report.html(),
-                _ => report.markdown(),
-            };
             let [face, _] = &report.normal;
             let facts = vec![
                 ("solar_transmittance", face.solar_transmitted.value),
@@ -266,7 +275,8 @@ pub fn export(
                 ("visible_normal_normal_transmittance", face.into_cone.value),
                 ("openness", face.openness.value),
             ];
-            Ok(Exported { files: vec![(name.into(), text.into_bytes())], notes: report.notes, facts })
+            let file = |main: &PathBuf| (main.clone(), report.text(&outputs::ending(main)).into_bytes());
+            Ok(Exported { files: mains.iter().map(file).collect(), notes: report.notes, facts })
         }
         Format::Klems | Format::TensorTree => {
             tell(0, 1);
@@ -275,18 +285,22 @@ pub fn export(
                 _ => (Basis::Squares { side: options.squares }, TREE_STEPS),
             };
             let matrix = Matrix::new(&cloth, basis, steps, run)?;
+            let heat = Heat::new(data, &cloth, &matrix)?;
             let mut notes = vec![
                 "The front is the face of the cloth; its warp points up.".to_string(),
-                "Light that passes beside all fibers is in the patch that it goes on in.".to_string(),
+                "Light that passes between the fibers keeps its direction: the file has it as transmission into the patch opposite the one that it comes from.".to_string(),
             ];
             notes.extend(beyond_note(options.beyond));
-            let about = window_xml::About {
-                name: &data.name,
-                thickness_um: 2.0 * f64::from(cloth.points().lines().half_thickness_um()),
-                notes: &notes,
-            };
-            let text = window_xml::xml(&matrix, &about, TREE_TOLERANCE);
-            let facts = vec![
+            notes.push(heat.note.clone());
+            let mut in_file = vec![made_by(format)];
+            in_file.extend(notes.iter().cloned());
+            let text = window_xml::xml(
+                &matrix,
+                &window_xml::About { name: &data.name, heat: &heat, notes: &in_file },
+                TREE_TOLERANCE,
+            );
+            notes.push(ASYMMETRY_NOTE.into());
+            let mut facts = vec![
                 ("front_visible_reflectance", matrix.hemispherical(0, 0, 0)),
                 ("front_visible_transmittance", matrix.hemispherical(0, 1, 0)),
                 ("back_visible_reflectance", matrix.hemispherical(1, 0, 0)),
@@ -295,7 +309,8 @@ pub fn export(
                 ("front_solar_transmittance", matrix.hemispherical(0, 1, 1)),
                 ("asymmetry", matrix.asymmetry()),
             ];
-            Ok(Exported { files: vec![(name.into(), text.into_bytes())], notes, facts })
+            facts.extend(heat.facts());
+            Ok(Exported { files: vec![(main.into(), text.into_bytes())], notes, facts })
         }
         Format::Rgl => {
             tell(0, 1);
@@ -304,18 +319,26 @@ pub fn export(
             let notes = vec![
                 note,
                 match options.is_spectral {
-                    true => "Spectra, for spectral renderers: nine wavelengths from 380 to 780 nm.".into(),
-                    false => "Linear sRGB under D65, for renderers of RGB; colors out of its gamut are paler, at their luminance.".into(),
+                    true => "The file has spectra at nine wavelengths from 380 to 780 nm, for spectral renderers.".into(),
+                    false => "The file has linear sRGB under D65, for renderers that work in RGB. A color that sRGB cannot show is paler, with the same luminance.".into(),
                 },
             ];
-            Ok(Exported { files: vec![(name.into(), rgl.bytes)], notes, facts })
+            Ok(Exported { files: vec![(main.into(), rgl.bytes)], notes, facts })
         }
         Format::OpenPbr | Format::Gltf | Format::Usd => {
             tell(0, 1);
-            swatch(&cloth, data, format, name, options)
+            swatch(&cloth, data, format, (main, &name), options)
         }
     }
 }
+
+/// What a file says of its origin.
+fn made_by(format: Format) -> String {
+    format!("Made by {}, version {}.", outputs::mark(format), env!("CARGO_PKG_VERSION"))
+}
+
+/// What the asymmetry of a matrix is.
+const ASYMMETRY_NOTE: &str = "The asymmetry says how far the file is from reciprocity: the root mean square difference between a value and the value with light and viewer exchanged, over that of the values. It is 0 for an exact file; some hundredths come from the table of the cloth's mean light.";
 
 /// Size of a swatch, at least, of whole repeats [um].
 const SWATCH_UM: f64 = 1e4;
@@ -325,7 +348,7 @@ fn swatch(
     cloth: &MeanCloth,
     data: &ClothData,
     format: Format,
-    name: &str,
+    (main, name): (&Path, &str),
     options: &ExportOptions,
 ) -> Result<Exported, Error> {
     let maps = Maps::new(cloth, name, options.pixels)?;
@@ -335,12 +358,12 @@ fn swatch(
     let percent = |v: f64| format!("{:.1} %", 100.0 * v);
     let mut notes = vec![
         format!(
-            "Fitted to the mean BSDF of the cloth: error {} of the reflected light and {} of the transmitted (relative L2 over directions).",
+            "The material is fitted to the mean BSDF of the cloth. Its error is {} of the reflected light and {} of the transmitted light (relative L2 error over directions).",
             percent(fit.error[0]),
             percent(fit.error[1])
         ),
         format!(
-            "Error by lobe, where it is the largest: glossy {}, fuzz {}, diffuse {}; they are {}, {} and {} of the reflected light.",
+            "Error by lobe: {} in directions where the glossy lobe is the brightest part of the material, {} where the fuzz is, {} where diffuse light is. These parts hold {}, {} and {} of the reflected light.",
             percent(fit.by_lobe[0]),
             percent(fit.by_lobe[1]),
             percent(fit.by_lobe[2]),
@@ -349,16 +372,17 @@ fn swatch(
             percent(fit.shares[2])
         ),
         format!(
-            "Opacity is the cover along the normal, {}; light through gaps goes straight on at every angle as it does there.",
+            "The opacity is the share of the area that yarns cover, seen along the normal: {} on average. A renderer uses it at every angle, although a cloth is more opaque when it is seen at a slant.",
             percent(maps.cover())
         ),
     ];
     if textures.cut > 1e-3 {
         notes.push(format!(
-            "Colors above 1 are cut off in the textures: {} of the diffuse light.",
+            "Textures hold colors up to 1. Brighter ones are cut off, and with them {} of the diffuse light.",
             percent(textures.cut)
         ));
     }
+    notes.extend(material.at_bounds.iter().map(bound_note));
     let [warp, weft] = material.gloss;
     let facts = vec![
         ("error_reflected", fit.error[0]),
@@ -376,26 +400,38 @@ fn swatch(
         ("fuzz_roughness", material.fuzz[1]),
     ];
     let repeats = maps.size_um.map(|um| (SWATCH_UM / um).ceil().clamp(1.0, 1e4) as u32);
-    let stem = Path::new(name).file_stem().map(|s| s.to_string_lossy().into_owned()).unwrap_or_default();
-    let mut files = Vec::new();
     if format == Format::Gltf {
-        files.push((name.to_string(), gltf::glb(&data.name, &maps, &material, &textures, repeats, &notes)?));
-    } else {
-        let made = openpbr::TextureFiles::new(&stem, &maps, &material, &textures)?;
-        // On a swatch of USD, texture coordinates count repeats.
-        let mm_per_uv = if format == Format::Usd { None } else { Some(options.mm_per_uv) };
-        let text = openpbr::mtlx(&data.name, &maps, &material, &textures, &made, mm_per_uv, &notes);
-        if format == Format::Usd {
-            let mtlx = format!("{stem}.mtlx");
-            let usda = usd::usda(&data.name, &mtlx, &maps, &material, textures.mix, &made, repeats, &notes);
-            files.push((name.to_string(), usda.into_bytes()));
-            files.push((mtlx, text.into_bytes()));
-        } else {
-            files.push((name.to_string(), text.into_bytes()));
-        }
-        files.extend(made.files);
+        let glb = gltf::glb(&data.name, &maps, &material, &textures, repeats, &notes)?;
+        return Ok(Exported { files: vec![(main.into(), glb)], notes, facts });
     }
+    let mut in_file = vec![made_by(format)];
+    in_file.extend(notes.iter().cloned());
+    let stem = outputs::stem_beside(format, main);
+    let made_by = outputs::mark(format);
+    let made = openpbr::TextureFiles::new(openpbr::texture_names(&stem), &made_by, &maps, &material, &textures)?;
+    // On a swatch of USD, texture coordinates count repeats.
+    let mm_per_uv = if format == Format::Usd { None } else { Some(options.mm_per_uv) };
+    let text = openpbr::mtlx(&data.name, &maps, &material, &textures, &made, mm_per_uv, &in_file);
+    let mut files = Vec::new();
+    if format == Format::Usd {
+        let mtlx = format!("{stem}.mtlx");
+        let usda = usd::usda(&data.name, &mtlx, &maps, &material, textures.mix, &made, repeats, &in_file);
+        files.push((main.to_path_buf(), usda.into_bytes()));
+        files.push((main.with_file_name(mtlx), text.into_bytes()));
+    } else {
+        files.push((main.to_path_buf(), text.into_bytes()));
+    }
+    files.extend(made.files.into_iter().map(|(name, bytes)| (main.with_file_name(name), bytes)));
     Ok(Exported { files, notes, facts })
+}
+
+/// What is said of a parameter at a bound of the fit.
+fn bound_note(bound: &Bound) -> String {
+    let limit = if bound.is_upper { "largest" } else { "smallest" };
+    format!(
+        "{} ended at {:.2}, the {limit} value that the fit allows: it shows what the material cannot do rather than what the cloth is, and the errors above contain what is missing.",
+        bound.parameter, bound.value
+    )
 }
 
 /// Light under an even sky over the face that a format of reflection alone leaves out, as facts and in words.
@@ -412,7 +448,7 @@ fn left_out(cloth: &MeanCloth, options: &ExportOptions) -> (Vec<(&'static str, f
         ("straight_left_out", straight),
     ];
     let note = format!(
-        "The format has the reflection of one side: of light even over the face, {:.1} % is reflected and in it; {:.1} % scattered through and {:.1} % straight through are left out, and light that meets the back.",
+        "The file has only the light that the face reflects. Under light from all directions this is {:.1} % of the light on the face; {:.1} % that is scattered through the cloth and {:.1} % that passes straight through gaps are left out, as is all light on the back.",
         100.0 * reflected,
         100.0 * transmitted,
         100.0 * straight

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from typing import Any, Dict, List, Optional, Tuple
+from typing import Any, Dict, List, Optional, Sequence, Tuple, Union
 
 import numpy as np
 
@@ -301,9 +301,10 @@ class Cloth(Document):
 
     def export(
         self,
-        path: PathLike,
+        path: Union[PathLike, Sequence[PathLike]],
         to: str,
         *,
+        force: bool = False,
         sigma_uv_per_um: Optional[float] = None,
         sigma_ir_per_um: Optional[float] = None,
         samples: int = 16384,
@@ -318,8 +319,9 @@ class Cloth(Document):
         """Writes it for other programs (docs/howto/export.md); of its options, `sigma_per_um` counts.
 
         Args:
-            path: The file to write; textures go into a folder beside it.
+            path: The file to write, or several files of a report; textures go into a folder beside it. Either all files are written or none.
             to: "report" (.md, .html, .json, .csv), "klems" or "tensortree" (.xml), "rgl" (.bsdf), "openpbr" (.mtlx), "gltf" (.glb), "usd" (.usda).
+            force: Replace files that are not of an earlier export to the same format, which is an error without it.
             sigma_uv_per_um: Absorption of all yarns below 0.38 um [1/um], for solar numbers and the UPF; by default that at 0.38 um, and no UPF.
             sigma_ir_per_um: Absorption of all yarns above 0.78 um [1/um], for solar numbers; by default that at 0.78 um.
             samples: Samples of each direction of a report.
@@ -332,7 +334,7 @@ class Cloth(Document):
             progress: `True` for a bar, or a function of step, unit, done and total.
 
         Raises:
-            Error: for options out of range, another ending, or a cloth with colors other than those of its file.
+            Error: for options out of range, another ending, a file of another origin, or a cloth with colors other than those of its file.
             KeyboardInterrupt: when stopped.
         """
         if self.__dict__.get("_colors") is not None:
@@ -348,9 +350,11 @@ class Cloth(Document):
             "spectral": bool(spectral),
             "pixels": int(pixels),
             "mm_per_uv": float(mm_per_uv),
+            "force": bool(force),
         }
+        paths = [path] if isinstance(path, (str, os.PathLike)) else list(path)
         with Told(progress) as call:
-            files, notes, facts = self._rust.export(self._name, os.fspath(path), str(to), args, run_args(None, True, call))
+            files, notes, facts = self._rust.export(self._name, [os.fspath(one) for one in paths], str(to), args, run_args(None, True, call))
         return Exported([os.fspath(file) for file in files], list(notes), dict(facts))
 
     def __reduce__(self) -> Any:

@@ -230,12 +230,12 @@ impl Cloth {
         &self,
         py: Python<'_>,
         name: &str,
-        path: PathBuf,
+        paths: Vec<PathBuf>,
         format: &str,
         args: ExportArgs,
         run: RunArgs,
     ) -> Outcome<Written> {
-        written(py, &self.bytes, name, path, format, args, run)
+        written(py, &self.bytes, name, paths, format, args, run)
     }
 
     /// Answers `what` of the queries.

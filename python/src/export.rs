@@ -22,6 +22,7 @@ pub(crate) struct ExportArgs {
     spectral: bool,
     pixels: usize,
     mm_per_uv: f64,
+    force: bool,
 }
 
 /// Files, notes, and numbers by name.
@@ -32,7 +33,7 @@ pub(crate) fn written(
     py: Python<'_>,
     bytes: &[u8],
     name: &str,
-    path: PathBuf,
+    paths: Vec<PathBuf>,
     format: &str,
     args: ExportArgs,
     run: RunArgs,
@@ -53,12 +54,14 @@ pub(crate) fn written(
         pixels: args.pixels,
         mm_per_uv: args.mm_per_uv,
     };
-    let file = path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
+    if !args.force {
+        chosen.check_outputs(&paths)?;
+    }
     watched(py, run.threads, run.progress, |watch| {
         watch.run([None, None], |run| {
             let data = ClothData::from_bytes(bytes, name)?;
-            let exported = export(&data, chosen, &file, &options, run)?;
-            let files = exported.save(&path)?;
+            let exported = export(&data, chosen, &paths, &options, run)?;
+            let files = exported.save()?;
             let facts = exported.facts.into_iter().map(|(name, value)| (name.to_string(), value)).collect();
             Ok((files, exported.notes, facts))
         })

@@ -24,6 +24,20 @@ def test_a_report_is_written(organza, tmp_path):
     assert told.facts["openness"] == report["normal"][0]["openness"]["value"] and report["upf"]["value"] > 1.0
 
 
+def test_files_of_another_origin_stay(organza, tmp_path):
+    options = {"samples": 1024, "views": [(0.0, 0.0, True)]}
+    paths = [tmp_path / "o.html", tmp_path / "o.json"]
+    assert organza.export(paths, "report", **options).files == [str(path) for path in paths]
+    # Its own files are written again.
+    organza.export(paths, "report", **options)
+    (tmp_path / "o.md").write_text("notes")
+    with pytest.raises(plywave.Error, match="o.md.*force"):
+        organza.export([tmp_path / "o.csv", tmp_path / "o.md"], "report", **options)
+    assert (tmp_path / "o.md").read_text() == "notes" and not (tmp_path / "o.csv").exists()
+    organza.export(tmp_path / "o.md", "report", force=True, **options)
+    assert "R" in (tmp_path / "o.md").read_text()
+
+
 def test_what_a_format_leaves_out_is_told(organza, tmp_path):
     told = organza.export(tmp_path / "o.bsdf", "rgl", samples=1024)
     assert told.facts["straight_left_out"] > 0.1 and "left out" in told.notes[0]

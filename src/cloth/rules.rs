@@ -28,6 +28,15 @@ const ROOT: &[Key] = &[
     optional("yarn", Kind::Table(YARN), "of a knit and of curves"),
     optional("thickness_um", Kind::Number(1.0, 1e5), "not pressed"),
     optional("color_of", Kind::Choice(&["even_sky", "reflected", "folded"]), "\"even_sky\""),
+    optional("thermal", Kind::Table(THERMAL), "usual fibers"),
+];
+const THERMAL: &[Key] = &[
+    optional("thickness_um", Kind::Number(1.0, 1e5), "that of the curves"),
+    optional("conductivity_w_per_m_k", Kind::Number(1e-3, 1e3), "0.15, of polymers"),
+    optional("emissivity_front", Kind::Number(0.0, 1.0), "by fibers and openness"),
+    optional("emissivity_back", Kind::Number(0.0, 1.0), "by fibers and openness"),
+    optional("ir_transmittance", Kind::Number(0.0, 1.0), "light beside all fibers"),
+    optional("permeability", Kind::Number(0.0, 1.0), "openness"),
 ];
 const COUNT: &[Key] = &[
     optional("tex", Kind::Number(0.1, 1e4), "another unit"),
@@ -182,6 +191,20 @@ fn check_relations(file: &str, spec: &ClothSpec) -> Result<()> {
     }
     if let Some(weave) = &spec.weave {
         check_weave(file, weave)?;
+    }
+    check_thermal(file, spec)
+}
+
+/// What is emitted and what goes through are parts of one.
+fn check_thermal(file: &str, spec: &ClothSpec) -> Result<()> {
+    let thermal = spec.thermal.unwrap_or_default();
+    let through = thermal.ir_transmittance.unwrap_or(0.0);
+    for (key, emitted) in [("emissivity_front", thermal.emissivity_front), ("emissivity_back", thermal.emissivity_back)]
+    {
+        if let Some(emitted) = emitted.filter(|emitted| emitted + through > 1.0 + 1e-9) {
+            let hint = format!("must be 1 - ir_transmittance at most, which is {:.6}", 1.0 - through);
+            return Err(invalid(file, &format!("thermal.{key}"), emitted, hint));
+        }
     }
     Ok(())
 }

@@ -5,6 +5,7 @@ use super::color_of::ColorOf;
 use super::draft::Draft;
 use super::hairs::Hairs;
 use super::query::Slits;
+use super::thermal::Thermal;
 use super::units::{Count, fiber_area_um2, round_radius_um};
 use super::weave::WeaveSpec;
 use crate::gap::SLIT_SHARE;
@@ -42,6 +43,9 @@ pub struct ClothSpec {
     /// Thickness to which the cloth is pressed in finishing [um]; absent: it is not.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub thickness_um: Option<f64>,
+    /// Heat through it, for files of windows.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub thermal: Option<Thermal>,
 }
 
 /// How the yarns of a cloth are laid.

@@ -20,7 +20,8 @@ fn shown(path: &Path) -> String {
     path.display().to_string()
 }
 
-fn io_error(path: &Path) -> impl Fn(std::io::Error) -> Error {
+/// What makes an error of the system one about a path.
+pub(super) fn error_at(path: &Path) -> impl Fn(std::io::Error) -> Error + use<> {
     let file = shown(path);
     move |source| Error::Io { file: file.clone(), source }
 }
@@ -51,10 +52,10 @@ fn regular(path: &Path, metadata: &Metadata) -> Result<()> {
 /// larger file.
 pub fn open_file(path: impl AsRef<Path>, most: u64) -> Result<Take<File>> {
     let path = path.as_ref();
-    regular(path, &fs::metadata(path).map_err(io_error(path))?)?;
-    let file = File::open(path).map_err(io_error(path))?;
+    regular(path, &fs::metadata(path).map_err(error_at(path))?)?;
+    let file = File::open(path).map_err(error_at(path))?;
     // The name may refer to another file meanwhile.
-    let metadata = file.metadata().map_err(io_error(path))?;
+    let metadata = file.metadata().map_err(error_at(path))?;
     regular(path, &metadata)?;
     if metadata.len() > most {
         return Err(too_large(path, most));
@@ -73,12 +74,12 @@ fn too_large(path: &Path, most: u64) -> Error {
 pub fn read_file(path: impl AsRef<Path>, most: u64) -> Result<Vec<u8>> {
     let path = path.as_ref();
     let mut file = open_file(path, most)?;
-    let size = file.get_ref().metadata().map_err(io_error(path))?.len();
+    let size = file.get_ref().metadata().map_err(error_at(path))?.len();
     let mut bytes = Vec::new();
     if bytes.try_reserve_exact(size as usize + 1).is_err() {
         return Err(format_error(path, format!("{size} bytes do not fit in memory"), "use a smaller file"));
     }
-    file.read_to_end(&mut bytes).map_err(io_error(path))?;
+    file.read_to_end(&mut bytes).map_err(error_at(path))?;
     if bytes.len() as u64 > most { Err(too_large(path, most)) } else { Ok(bytes) }
 }
 
@@ -102,9 +103,9 @@ pub fn output_target(path: impl AsRef<Path>) -> Result<PathBuf> {
     for _ in 0..MAX_LINKS {
         match fs::symlink_metadata(&target) {
             Err(e) if e.kind() == ErrorKind::NotFound => break,
-            Err(e) => return Err(io_error(path)(e)),
+            Err(e) => return Err(error_at(path)(e)),
             Ok(metadata) if metadata.is_symlink() => {
-                let next = fs::read_link(&target).map_err(io_error(path))?;
+                let next = fs::read_link(&target).map_err(error_at(path))?;
                 target = target.parent().unwrap_or(Path::new("")).join(next);
             }
             Ok(metadata) if !metadata.is_file() => {
@@ -146,11 +147,8 @@ pub fn write_file_with(
 ) -> Result<()> {
     let path = path.as_ref();
     let target = output_target(path)?;
-    let folder = match target.parent() {
-        Some(parent) if !parent.as_os_str().is_empty() => parent,
-        _ => Path::new("."),
-    };
-    let (temporary, file) = create_new(folder).map_err(io_error(path))?;
+    let folder = folder_of(&target);
+    let (temporary, file) = create_new(folder).map_err(error_at(path))?;
     let written = fill(file, write).and_then(|()| {
         if let Ok(old) = fs::metadata(&target) {
             fs::set_permissions(&temporary, old.permissions())?;
@@ -161,7 +159,7 @@ pub fn write_file_with(
         // The first error is reported; a leftover that cannot be removed does not change it.
         let _ = fs::remove_file(&temporary);
     }
-    written.map_err(io_error(path))?;
+    written.map_err(error_at(path))?;
     // The rename is on the disk once the folder is; some file systems do not support flushing a folder.
     if let Ok(folder) = File::open(folder) {
         let _ = folder.sync_all();
@@ -181,12 +179,12 @@ pub fn lock_file(path: impl AsRef<Path>) -> Result<Option<File>> {
     // again.
     for _ in 0..MAX_TRIES {
         let mut options = OpenOptions::new();
-        let file = options.read(true).write(true).create(true).truncate(false).open(path).map_err(io_error(path))?;
+        let file = options.read(true).write(true).create(true).truncate(false).open(path).map_err(error_at(path))?;
         match file.try_lock() {
             Ok(()) if is_there(&file, path) => return Ok(Some(file)),
             Ok(()) => {}
             Err(TryLockError::Error(error)) if error.kind() == ErrorKind::Unsupported => return Ok(Some(file)),
-            Err(TryLockError::Error(error)) => return Err(io_error(path)(error)),
+            Err(TryLockError::Error(error)) => return Err(error_at(path)(error)),
             Err(TryLockError::WouldBlock) => break,
         }
     }
@@ -212,14 +210,28 @@ pub fn is_temporary(name: &str) -> bool {
     name.starts_with(TEMPORARY[0]) && name.ends_with(TEMPORARY[1])
 }
 
-fn fill(file: File, write: impl FnOnce(&mut dyn Write) -> std::io::Result<()>) -> std::io::Result<()> {
+/// The folder of a file.
+pub(super) fn folder_of(path: &Path) -> &Path {
+    match path.parent() {
+        Some(parent) if !parent.as_os_str().is_empty() => parent,
+        _ => Path::new("."),
+    }
+}
+
+/// Fills a new file and flushes it to the disk.
+pub(super) fn fill(file: File, write: impl FnOnce(&mut dyn Write) -> std::io::Result<()>) -> std::io::Result<()> {
     let mut out = BufWriter::with_capacity(1 << 16, file);
     write(&mut out)?;
     out.into_inner().map_err(std::io::IntoInnerError::into_error)?.sync_all()
 }
 
 /// A new file with an unpredictable name, in `folder`.
-fn create_new(folder: &Path) -> std::io::Result<(PathBuf, File)> {
+pub(super) fn create_new(folder: &Path) -> std::io::Result<(PathBuf, File)> {
+    unused(folder, |path| OpenOptions::new().write(true).create_new(true).open(path))
+}
+
+/// An unpredictable name in `folder` at which `make` does not find another file, and what it made there.
+pub(super) fn unused<T>(folder: &Path, make: impl Fn(&Path) -> std::io::Result<T>) -> std::io::Result<(PathBuf, T)> {
     let state = std::hash::RandomState::new();
     let mut last = ErrorKind::AlreadyExists.into();
     for k in 0..MAX_TRIES {
@@ -227,8 +239,8 @@ fn create_new(folder: &Path) -> std::io::Result<(PathBuf, File)> {
         hasher.write_usize(k);
         let [head, tail] = TEMPORARY;
         let path = folder.join(format!("{head}{:016x}{tail}", mix64(hasher.finish())));
-        match OpenOptions::new().write(true).create_new(true).open(&path) {
-            Ok(file) => return Ok((path, file)),
+        match make(&path) {
+            Ok(made) => return Ok((path, made)),
             Err(e) if e.kind() == ErrorKind::AlreadyExists => last = e,
             Err(e) => return Err(e),
         }

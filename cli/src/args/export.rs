@@ -47,9 +47,13 @@ pub struct ExportArgs {
     /// Format.
     #[arg(long, value_enum)]
     pub to: ExportFormat,
-    /// File to write [default: CLOTH's name with the format's ending, in this folder].
-    #[arg(long, short, value_name = "FILE")]
-    pub output: Option<PathBuf>,
+    /// File to write; a report may have several, given one by one, of which each has the format of its ending
+    /// [default: CLOTH's name, the format's and its ending, as organza_klems.xml, in this folder].
+    #[arg(long, short, value_name = "FILE", num_args = 1)]
+    pub output: Vec<PathBuf>,
+    /// Replace files that are not of an earlier export to the same format.
+    #[arg(long)]
+    pub force: bool,
     /// One absorption coefficient [1/um] for all yarns instead of their colors.
     #[arg(long, value_name = "SIGMA", allow_negative_numbers = true)]
     pub sigma: Option<f64>,

@@ -49,10 +49,12 @@ pub fn run(cli: &Cli, args: &BuildArgs) -> Outcome {
     bar.finish();
     [Some(&parts), speckle_parts.as_ref()].into_iter().flatten().for_each(|parts| runs::tell_notes(cli, parts));
     let built = built?.map_err(pipeline_failure)?;
+    let mut files = Vec::new();
     if let Some(table_path) = &table_path {
-        built.table.save(table_path)?;
+        files.push((table_path, built.table.to_bytes()?));
     }
-    built.model.save(&path)?;
+    files.push((&path, built.model.to_bytes()?));
+    output::write_set(&files)?;
     parts.remove();
     if let Some(parts) = speckle_parts {
         parts.remove();

@@ -50,16 +50,10 @@ pub fn run(cli: &Cli, args: &CompareArgs) -> Outcome {
 /// Writes the report and its figure into a folder.
 pub fn save(folder: &Path, report: &CompareReport) -> Outcome {
     let figure = plot::Format::Png.encode(&figure(report), folder)?;
-    progress::stoppable(|| {
-        let made = std::fs::create_dir_all(folder);
-        made.map_err(|e| Failure::input(folder.display(), "-o", e, "choose a place that can be written"))?;
-        // The report last: it stands for the whole.
-        output::write_whole(&folder.join(FIGURE), &figure)?;
-        output::write_whole_by(&folder.join(REPORT), |out| {
-            serde_json::to_writer(&mut *out, report).map_err(std::io::Error::from)?;
-            writeln!(out)
-        })
-    })
+    let mut text = serde_json::to_vec(report).map_err(|e| Failure::input(folder.display(), "-o", e, "report a bug"))?;
+    text.push(b'\n');
+    // The report last: it stands for the whole.
+    progress::stoppable(|| output::write_set(&[(folder.join(FIGURE), figure), (folder.join(REPORT), text)]))
 }
 
 /// Refuses a list of numbers of which one is out of range.

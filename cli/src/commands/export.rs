@@ -9,19 +9,25 @@ use crate::{output, report};
 use plywave::cloth::{ClothModel, ClothOptions};
 use plywave_pipeline::exports::{BeyondVisible, ExportOptions, Format, View, export};
 use plywave_pipeline::{Progress, ReadyCloth, Run};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// Runs the command.
 pub fn run(cli: &Cli, args: &ExportArgs) -> Outcome {
     let format = Format::from(args.to);
     let options = options(args, format)?;
-    let path = args.output.clone().unwrap_or_else(|| output::default_output(&args.cloth, format.endings()[0]));
-    check_ending(format, &path)?;
+    let paths = match args.output.is_empty() {
+        true => vec![default_output(&args.cloth, format)],
+        false => args.output.clone(),
+    };
+    check_names(format, &paths)?;
     let is_spec = kinds::kind_of(&args.cloth) == Some(Kind::Cloth);
     let named = if is_spec { cloth_file::recipe(&args.cloth)?.inputs() } else { Vec::new() };
     let inputs: Vec<&Path> =
         std::iter::once(args.cloth.as_path()).chain(named.iter().map(|(_, p)| p.as_path())).collect();
-    output::check_writable(&path, &inputs)?;
+    paths.iter().try_for_each(|path| output::check_writable(path, &inputs))?;
+    if !args.force {
+        format.check_outputs(&paths).map_err(runs::pipeline_failure)?;
+    }
     let ReadyCloth { data, mut notes, .. } = cloth_file::ready(cli, &args.cloth)?;
     if args.sigma.is_none() {
         notes.extend(color::cloth_notes(&ClothModel::from_data(data.clone(), &ClothOptions::RAYS)?));
@@ -29,11 +35,10 @@ pub fn run(cli: &Cli, args: &ExportArgs) -> Outcome {
     progress::install_stop();
     let bar = Bar::new("export", "directions", cli.quiet);
     let tell = |Progress { done, total, .. }: Progress| bar.update("export", done, total);
-    let name = path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
     let run = Run { progress: Some(&tell), stop: Some(&STOP), ..Run::plain() };
-    let exported = on_threads(cli, || export(&data, format, &name, &options, &run))?.map_err(runs::pipeline_failure)?;
+    let exported = on_threads(cli, || export(&data, format, &paths, &options, &run))?.map_err(runs::pipeline_failure)?;
     let time = bar.finish();
-    let written = progress::stoppable(|| exported.save(&path)).map_err(runs::pipeline_failure)?;
+    let written = progress::stoppable(|| exported.save()).map_err(runs::pipeline_failure)?;
     notes.extend(exported.notes.iter().cloned());
     let sizes: Vec<u64> = written.iter().map(|p| std::fs::metadata(p).map_or(0, |m| m.len())).collect();
     if cli.json {
@@ -64,7 +69,30 @@ pub fn run(cli: &Cli, args: &ExportArgs) -> Outcome {
     })
 }
 
-/// Refuses a file whose ending is not one of the format's, before any work.
+/// Where an export goes when no `-o` is given: a name that no other format has.
+fn default_output(cloth: &Path, format: Format) -> PathBuf {
+    let mut stem = cloth.file_stem().unwrap_or("out".as_ref()).to_os_string();
+    stem.push(format!("_{}.{}", format.name(), format.endings()[0]));
+    stem.into()
+}
+
+/// Refuses names that the format does not have, before any work: more than one but of a report, the same one
+/// twice, another ending.
+fn check_names(format: Format, paths: &[PathBuf]) -> Outcome {
+    if let ([_, second, ..], true) = (paths, format != Format::Report) {
+        let hint = "only a report is written to several files; export once for each file";
+        return Err(Failure::input("command line", "-o", second.display(), hint));
+    }
+    for (k, path) in paths.iter().enumerate() {
+        check_ending(format, path)?;
+        if paths[..k].contains(path) {
+            return Err(Failure::input("command line", "-o", path.display(), "is given twice; name each file once"));
+        }
+    }
+    Ok(())
+}
+
+/// Refuses a file whose ending is not one of the format's.
 fn check_ending(format: Format, path: &Path) -> Outcome {
     let ending = path.extension().map(|e| e.to_string_lossy().to_ascii_lowercase()).unwrap_or_default();
     if format.endings().contains(&ending.as_str()) {

@@ -142,18 +142,20 @@ pub fn run(cli: &Cli, args: &FitArgs) -> Outcome {
     let quality = args.preset.map_or_else(|| Quality::of_preset(&table.preset), |preset| preset.quality());
     check_fit(&table, &spec, &quality.fit(), &file).map_err(pipeline_failure)?;
     let (made, yarn_time) = stage(cli, |run| yarn_table(&table, &spec, &file, run))?;
+    let mut files = Vec::new();
     if let Some(yarn_path) = &args.yarn_table {
         let Some(yarn) = &made else {
             let hint = "there is no yarn to make: it takes a table of one ply whose spec has yarn.plies of 2 or more";
             return Err(Failure::input(args.table.display(), "plies", table.plies, hint));
         };
-        yarn.save(yarn_path)?;
+        files.push((yarn_path, yarn.to_bytes()?));
     }
     let yarn_s = made.as_ref().map(|_| yarn_time.as_secs_f64());
     let table = made.unwrap_or(table);
     let plies = table.plies;
     let (data, time) = stage(cli, |run| fit_model(&table, &spec, &quality.fit(), &file, run))?;
-    data.save(&path)?;
+    files.push((&path, data.to_bytes()?));
+    output::write_set(&files)?;
     let summary = Summary::new(&data, time);
     let bytes = std::fs::metadata(&path).map_or(0, |m| m.len());
     if cli.json {

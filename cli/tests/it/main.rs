@@ -7,6 +7,7 @@ mod colors;
 mod common;
 mod compare;
 mod docs;
+mod exports;
 mod false_alarms;
 mod family;
 mod fiber;

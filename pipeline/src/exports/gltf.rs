@@ -6,8 +6,10 @@
 //! alpha_b, 1, strength^2)` across it (KHR_materials_anisotropy). The directions of yarns are in the texture,
 //! as colors that are filtered well: across warp is red, across weft green.
 
+use super::Format;
 use super::maps::Maps;
 use super::material::{Gloss, Material};
+use super::outputs::mark;
 use super::textures::{Textures, by_kind, byte, packed, png_8, png_16};
 use crate::error::Error;
 use plywave::color::srgb_encode;
@@ -34,7 +36,7 @@ pub fn glb(
     repeats: [u32; 2],
     notes: &[String],
 ) -> Result<Vec<u8>, Error> {
-    let size = maps.size;
+    let (size, made_by) = (maps.size, &mark(Format::Gltf));
     let glosses = material.gloss.map(|g| gltf_gloss(&g));
     let strongest = glosses[0][1].max(glosses[1][1]).max(1e-6);
     let is_open = maps.cover() < 0.999;
@@ -61,11 +63,11 @@ pub fn glb(
     let through: Vec<u8> =
         textures.transmission.iter().flat_map(|c| c.map(|v| byte(srgb_encode(f64::from(v))))).collect();
     let images = [
-        png_8(size, 4, &base)?,
-        png_8(size, 3, &rough)?,
-        png_16(size, 3, maps.texels.iter().flat_map(|t| packed(t.normal)))?,
-        png_8(size, 3, &across)?,
-        png_8(size, 3, &through)?,
+        png_8(size, 4, &base, made_by)?,
+        png_8(size, 3, &rough, made_by)?,
+        png_16(size, 3, maps.texels.iter().flat_map(|t| packed(t.normal)), made_by)?,
+        png_8(size, 3, &across, made_by)?,
+        png_8(size, 3, &through, made_by)?,
     ];
     // Vertices: four corners about the origin.
     let half = [0, 1].map(|k| 0.5e-6 * maps.size_um[k] as f32 * repeats[k] as f32);
@@ -111,7 +113,7 @@ pub fn glb(
     }
     let used: Vec<&String> = extensions.as_object().map(|o| o.keys().collect()).unwrap_or_default();
     let document = json!({
-        "asset": { "version": "2.0", "generator": concat!("plywave ", env!("CARGO_PKG_VERSION")), "extras": { "notes": notes } },
+        "asset": { "version": "2.0", "generator": format!("{made_by}, version {}", env!("CARGO_PKG_VERSION")), "extras": { "notes": notes } },
         "extensionsUsed": used,
         "scene": 0,
         "scenes": [{ "nodes": [0] }],

@@ -44,6 +44,19 @@ pub struct Material {
     pub presence: f64,
     /// How near it comes.
     pub fit: Fit,
+    /// Parameters that ended at a bound of the fit.
+    pub at_bounds: Vec<Bound>,
+}
+
+/// A parameter at a bound of the fit.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Bound {
+    /// The parameter's name in OpenPBR, and the yarn that it is of.
+    pub parameter: String,
+    /// Its value.
+    pub value: f64,
+    /// Whether it cannot be larger, or cannot be smaller.
+    pub is_upper: bool,
 }
 
 /// How near a material comes to the cloth.
@@ -177,6 +190,33 @@ fn parts(gloss: &Gloss, fuzz: [f64; 2], frame: &Frame, wo: [f64; 3], wi: [f64; 3
 
 fn gloss_of(x: &[f64]) -> [Gloss; 2] {
     [0, 1].map(|k| Gloss { roughness: x[2 * k], anisotropy: x[2 * k + 1], f0: x[4] })
+}
+
+/// Share of a parameter's range within which it is at a bound.
+const AT_BOUND: f64 = 1e-3;
+
+/// Fitted parameters that are at a bound; `kinds` of yarns are there. A lower bound of 0 is none: it says that
+/// there is no such effect.
+fn at_bounds(x: &[f64], kinds: [bool; 2]) -> Vec<Bound> {
+    let yarn = |k: usize| if kinds[1 - k] { [" of the warp", " of the weft"][k] } else { "" };
+    let of_kind = |name: &str, k: usize| kinds[k].then(|| format!("{name}{}", yarn(k)));
+    let names = [
+        of_kind("specular_roughness", 0),
+        of_kind("specular_roughness_anisotropy", 0),
+        of_kind("specular_roughness", 1),
+        of_kind("specular_roughness_anisotropy", 1),
+        Some("specular_ior".into()),
+        Some("fuzz_weight".into()),
+        (x[5] > 0.0).then(|| "fuzz_roughness".into()),
+    ];
+    let bound = |(k, name): (usize, Option<String>)| {
+        let near = AT_BOUND * (UPPER[k] - LOWER[k]);
+        let is_upper = x[k] > UPPER[k] - near;
+        let is_lower = x[k] < LOWER[k] + near && LOWER[k] > 0.0;
+        let value = if k == 4 { Material::index(x[k]) } else { x[k] };
+        name.filter(|_| is_upper || is_lower).map(|parameter| Bound { parameter, value, is_upper })
+    };
+    names.into_iter().enumerate().filter_map(bound).collect()
 }
 
 fn luminance(c: [f64; 3]) -> f64 {
@@ -385,6 +425,7 @@ impl Material {
             fuzz_energy: target.hue.map(|c| c * fuzz),
             diffuse: [reflected, through],
             presence,
+            at_bounds: at_bounds(x, [0, 1].map(|kind| target.frames.iter().any(|frame| frame.kind == kind))),
             fit: Fit {
                 error: [ratio(off.iter().sum(), norm.iter().sum()), ratio(lower_off, lower_norm)],
                 energy: energy.map(|e| e.map(|v| v * presence)),
@@ -404,6 +445,24 @@ impl Material {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// An f0 of a quarter is an index of 3, by ((n - 1) / (n + 1))^2.
+    #[test]
+    fn parameters_at_bounds_are_found() {
+        let named = |x: [f64; PARAMETERS], kinds| -> Vec<(String, f64, bool)> {
+            at_bounds(&x, kinds).into_iter().map(|b| (b.parameter, b.value, b.is_upper)).collect()
+        };
+        let inside = [0.3, 0.0, 0.3, 0.0, 0.04, 0.1, 0.5];
+        assert_eq!(named(inside, [true; 2]), []);
+        let mut x = inside;
+        (x[0], x[3], x[4], x[5], x[6]) = (0.08, 0.98, 0.25, 0.0, 0.1);
+        let warp = ("specular_roughness of the warp".to_string(), 0.08, false);
+        let weft = ("specular_roughness_anisotropy of the weft".to_string(), 0.98, true);
+        let ior = ("specular_ior".to_string(), 3.0, true);
+        assert_eq!(named(x, [true; 2]), [warp, weft, ior.clone()]);
+        // A knit has one kind of yarn; without fuzz its roughness says nothing.
+        assert_eq!(named(x, [true, false]), [("specular_roughness".to_string(), 0.08, false), ior]);
+    }
 
     /// The fuzz's lobe has an integral of 1 and GGX loses no more than its shadows do.
     #[test]

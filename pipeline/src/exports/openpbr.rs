@@ -1,6 +1,6 @@
 //! OpenPBR 1.1 as MaterialX 1.39, with textures over the repeat.
 
-use super::maps::Maps;
+use super::maps::{Maps, Texel};
 use super::material::Material;
 use super::textures::{Textures, by_kind, byte, packed, png_8, png_16, srgb};
 use super::window_xml::escaped;
@@ -19,6 +19,11 @@ pub struct TextureFiles {
 pub const TEXTURES: [&str; 7] =
     ["base_color", "transmission_color", "roughness", "anisotropy", "tangent", "normal", "opacity"];
 
+/// Names of the textures beside a file, in a folder of this stem.
+pub fn texture_names(stem: &str) -> [String; 7] {
+    TEXTURES.map(|what| format!("{stem}_maps/{what}.png"))
+}
+
 /// A name that MaterialX and USD take: letters, digits and underscores.
 pub fn identifier(name: &str) -> String {
     let mut out: String = name.chars().map(|c| if c.is_ascii_alphanumeric() { c } else { '_' }).collect();
@@ -29,35 +34,32 @@ pub fn identifier(name: &str) -> String {
 }
 
 impl TextureFiles {
-    /// Of a material, in a folder named after the main file's stem.
+    /// Of a material, with these names of [`TEXTURES`]; `made_by` is what they say of their origin.
     ///
     /// # Errors
     /// [`Error::Export`] for a texture that cannot be encoded.
-    pub fn new(stem: &str, maps: &Maps, material: &Material, textures: &Textures) -> Result<TextureFiles, Error> {
+    pub fn new(
+        names: [String; 7],
+        made_by: &str,
+        maps: &Maps,
+        material: &Material,
+        textures: &Textures,
+    ) -> Result<TextureFiles, Error> {
         let size = maps.size;
-        let colors = |of: &[[f32; 3]]| png_8(size, 3, &of.iter().flat_map(srgb).collect::<Vec<u8>>());
-        let by = |numbers: [f64; 2]| {
-            png_8(size, 1, &maps.texels.iter().map(|t| byte(by_kind(t, numbers))).collect::<Vec<u8>>())
-        };
+        let bytes_of = |channels: usize, numbers: Vec<u8>| png_8(size, channels, &numbers, made_by);
+        let colors = |of: &[[f32; 3]]| bytes_of(3, of.iter().flat_map(srgb).collect());
+        let by = |numbers: [f64; 2]| bytes_of(1, maps.texels.iter().map(|t| byte(by_kind(t, numbers))).collect());
+        let across = |t: &Texel| packed([t.across[0], t.across[1], 0.0]).map(|v| byte(f64::from(v)));
         let [warp, weft] = material.gloss;
         let bytes = [
             colors(&textures.base)?,
             colors(&textures.transmission)?,
             by([warp.roughness, weft.roughness])?,
             by([warp.anisotropy, weft.anisotropy])?,
-            png_8(
-                size,
-                3,
-                &maps
-                    .texels
-                    .iter()
-                    .flat_map(|t| packed([t.across[0], t.across[1], 0.0]).map(|v| byte(f64::from(v))))
-                    .collect::<Vec<u8>>(),
-            )?,
-            png_16(size, 3, maps.texels.iter().flat_map(|t| packed(t.normal)))?,
-            png_8(size, 1, &maps.texels.iter().map(|t| byte(f64::from(t.cover))).collect::<Vec<u8>>())?,
+            bytes_of(3, maps.texels.iter().flat_map(across).collect())?,
+            png_16(size, 3, maps.texels.iter().flat_map(|t| packed(t.normal)), made_by)?,
+            bytes_of(1, maps.texels.iter().map(|t| byte(f64::from(t.cover))).collect())?,
         ];
-        let names = TEXTURES.map(|what| format!("{stem}_maps/{what}.png"));
         Ok(TextureFiles { files: names.iter().cloned().zip(bytes).collect(), names })
     }
 }

@@ -5,7 +5,9 @@
 //! of EN 14501 are of light along the normal: solar T, R and A, visible T, and the visible transmittance into
 //! a cone of five degrees about straight on.
 
+use super::Format;
 use super::mean::{BATCHES, Bands, Energies, Estimate, MeanCloth, Spectrum, diffuse};
+use super::outputs::{CSV_HEAD, mark};
 use super::window_xml::escaped;
 use serde::Serialize;
 use std::fmt::Write;
@@ -109,6 +111,8 @@ impl Row {
 /// The report.
 #[derive(Clone, Debug, Serialize)]
 pub struct Report {
+    /// What made it.
+    pub made_by: String,
     /// Name of the cloth.
     pub cloth: String,
     /// Program version.
@@ -167,6 +171,7 @@ impl Report {
         let rows = views.iter().map(|view| row(Some(*view), view.is_face)).collect::<Result<Vec<_>, _>>()?;
         let upf = upf.filter(|_| cloth.beyond().uv_per_um.is_some());
         Ok(Report {
+            made_by: mark(Format::Report),
             cloth: name.into(),
             program_version: env!("CARGO_PKG_VERSION").into(),
             samples: samples.div_ceil(BATCHES) * BATCHES,
@@ -180,6 +185,16 @@ impl Report {
         })
     }
 
+    /// As the text of a file with this ending.
+    pub fn text(&self, ending: &str) -> String {
+        match ending {
+            "json" => self.json(),
+            "csv" => self.csv(),
+            "html" => self.html(),
+            _ => self.markdown(),
+        }
+    }
+
     /// As JSON.
     pub fn json(&self) -> String {
         // Its numbers are finite.
@@ -188,7 +203,7 @@ impl Report {
 
     /// The rows as CSV: angles in degrees, `diffuse` for the mean over the hemisphere.
     pub fn csv(&self) -> String {
-        let mut out = String::from("side,tilt_deg,azimuth_deg");
+        let mut out = String::from(CSV_HEAD);
         for name in COLUMNS {
             let _ = write!(out, ",{name},{name}_se");
         }
@@ -248,8 +263,8 @@ impl Report {
 
     fn made(&self) -> String {
         format!(
-            "Made by plywave {}: {} samples a row, seed {}; +- is a standard error.",
-            self.program_version, self.samples, self.seed
+            "Made by {}, version {}, with {} samples a row and seed {}. The number after +- is a standard error.",
+            self.made_by, self.program_version, self.samples, self.seed
         )
     }
 
@@ -309,17 +324,19 @@ fn protection(batches: &[Energies]) -> Estimate {
 
 fn notes(cloth: &MeanCloth, has_upf: bool) -> Vec<String> {
     let mut notes = vec![
-        "Shaded by rays: light beside fibers goes straight on; diffraction would spread it by about a degree."
+        "The light is computed with rays: what passes between the fibers keeps its direction, where diffraction would spread it by about one degree."
             .to_string(),
-        "Normal-normal: straight light and scattered light within 5 degrees of it.".to_string(),
+        "The normal-normal transmittance counts all light that leaves within 5 degrees of the direction in which it came."
+            .to_string(),
     ];
     notes.extend(super::beyond_note(cloth.beyond()));
     notes.push(match has_upf {
         true => {
-            "UPF: 1 over the transmittance along the normal, with one absorption from 0.29 to 0.4 um, so that no weighting enters."
+            "The UPF is 1 over the transmittance along the normal. One absorption is assumed from 0.29 to 0.4 um, so that the weights of sun and skin cancel."
                 .into()
         }
-        false => "UPF is not computed: colors do not reach below 0.38 um; --sigma-uv gives an absorption there.".into(),
+        false => "UPF is not computed: the colors of the yarns are not known below 0.38 um. Give the absorption there with --sigma-uv."
+            .into(),
     });
     notes
 }

@@ -9,7 +9,9 @@
 //! place between the nodes of omega_i. `luminance` is what samples are drawn by: f times `|d omega / du|`.
 //! Readers take files with colors, for renderers of RGB, and files with spectra apart, for spectral ones.
 
+use super::Format;
 use super::mean::{Bands, MeanCloth, NODES, Spectrum, lambda_um};
+use super::outputs::mark;
 use super::tensor_file::{Field, bytes};
 use crate::error::Error;
 use crate::run::Run;
@@ -104,7 +106,7 @@ pub fn rgl(cloth: &MeanCloth, name: &str, size: RglSize, is_spectral: bool, run:
     let single = |v: &[f64]| v.iter().map(|v| *v as f32).collect::<Vec<f32>>();
     let (p, t) = (size.phi_i, size.theta_i);
     let mut fields = vec![
-        Field::bytes("description", name.as_bytes()),
+        Field::bytes("description", format!("{name} ({})", mark(Format::Rgl)).into_bytes()),
         Field::bytes("jacobian", vec![1u8]),
         Field::f32("phi_i", &[p], single(&phi_i)),
         Field::f32("theta_i", &[t], single(&theta_i)),

@@ -69,24 +69,35 @@ pub fn srgb(c: &[f32; 3]) -> [u8; 3] {
     c.map(|v| byte(srgb_encode(f64::from(v))))
 }
 
-/// A PNG of some channels, 1, 3 or 4, of eight bits.
+/// A PNG of some channels, 1, 3 or 4, of eight bits; `made_by` is what it says of its origin.
 ///
 /// # Errors
 /// [`Error::Export`] for one that cannot be encoded.
-pub fn png_8(size: [usize; 2], channels: usize, numbers: &[u8]) -> Result<Vec<u8>, Error> {
-    encode(size, channels, png::BitDepth::Eight, numbers)
+pub fn png_8(size: [usize; 2], channels: usize, numbers: &[u8], made_by: &str) -> Result<Vec<u8>, Error> {
+    encode(size, channels, png::BitDepth::Eight, numbers, made_by)
 }
 
 /// A PNG of sixteen bits, of numbers from 0 to 1.
 ///
 /// # Errors
 /// As [`png_8`].
-pub fn png_16(size: [usize; 2], channels: usize, numbers: impl Iterator<Item = f32>) -> Result<Vec<u8>, Error> {
+pub fn png_16(
+    size: [usize; 2],
+    channels: usize,
+    numbers: impl Iterator<Item = f32>,
+    made_by: &str,
+) -> Result<Vec<u8>, Error> {
     let bytes: Vec<u8> = numbers.flat_map(|v| ((65535.0 * v.clamp(0.0, 1.0)).round() as u16).to_be_bytes()).collect();
-    encode(size, channels, png::BitDepth::Sixteen, &bytes)
+    encode(size, channels, png::BitDepth::Sixteen, &bytes, made_by)
 }
 
-fn encode(size: [usize; 2], channels: usize, depth: png::BitDepth, bytes: &[u8]) -> Result<Vec<u8>, Error> {
+fn encode(
+    size: [usize; 2],
+    channels: usize,
+    depth: png::BitDepth,
+    bytes: &[u8],
+    made_by: &str,
+) -> Result<Vec<u8>, Error> {
     let mut out = Vec::new();
     let failed = |e: png::EncodingError| Error::Export { file: "texture".into(), what: e.to_string() };
     let mut encoder = png::Encoder::new(&mut out, size[0] as u32, size[1] as u32);
@@ -96,6 +107,7 @@ fn encode(size: [usize; 2], channels: usize, depth: png::BitDepth, bytes: &[u8])
         _ => png::ColorType::Rgba,
     });
     encoder.set_depth(depth);
+    encoder.add_text_chunk("Software".into(), made_by.into()).map_err(failed)?;
     let mut writer = encoder.write_header().map_err(failed)?;
     writer.write_image_data(bytes).map_err(failed)?;
     writer.finish().map_err(failed)?;

@@ -6,6 +6,7 @@
 //! values in one pair of braces the last is the fastest. Cubes whose values are within a tolerance are one.
 
 use super::basis::{Basis, KLEMS_RINGS};
+use super::heat::Heat;
 use super::matrix::{BAND_NAMES, Matrix};
 use std::fmt::Write;
 
@@ -13,8 +14,8 @@ use std::fmt::Write;
 pub struct About<'a> {
     /// Name of the cloth.
     pub name: &'a str,
-    /// Thickness [um].
-    pub thickness_um: f64,
+    /// Heat through it.
+    pub heat: &'a Heat,
     /// How it was made, and what it assumes.
     pub notes: &'a [String],
 }
@@ -59,9 +60,10 @@ pub fn xml(matrix: &Matrix, about: &About<'_>, tolerance: f64) -> String {
         out,
         "<WindowElementType>System</WindowElementType>\n<FileType>BSDF</FileType>\n<Optical>\n<Layer>\n<Material>\n\
          <Name>{name}</Name>\n<Manufacturer>plywave</Manufacturer>\n<Thickness unit=\"meter\">{:.9}</Thickness>\n\
-         <Width unit=\"meter\">1.0</Width>\n<Height unit=\"meter\">1.0</Height>\n<DeviceType>Other</DeviceType>\n\
+         <Width unit=\"meter\">1.0</Width>\n<Height unit=\"meter\">1.0</Height>\n<DeviceType>Other</DeviceType>\n{}\
          </Material>\n<DataDefinition>\n<IncidentDataStructure>{}</IncidentDataStructure>\n",
-        1e-6 * about.thickness_um,
+        1e-6 * about.heat.thickness_um,
+        thermal_fields(about.heat),
         if is_tree { "TensorTree4" } else { "Columns" }
     );
     if !is_tree {
@@ -102,6 +104,20 @@ pub fn xml(matrix: &Matrix, about: &About<'_>, tolerance: f64) -> String {
     }
     out.push_str("</Layer>\n</Optical>\n</WindowElement>\n");
     out
+}
+
+/// Fields of a material in the schema's order; all numbers but the conductivity [W/(m K)] are shares of 1.
+fn thermal_fields(heat: &Heat) -> String {
+    let [front, back] = heat.emissivity;
+    [
+        ("ThermalConductivity", heat.conductivity),
+        ("EmissivityFront", front),
+        ("EmissivityBack", back),
+        ("TIR", heat.ir_transmittance),
+        ("PermeabilityFactor", heat.permeability),
+    ]
+    .map(|(name, value)| format!("<{name}>{value:.6}</{name}>\n"))
+    .concat()
 }
 
 fn klems_basis(out: &mut String) {

@@ -9,7 +9,7 @@ use plywave::cloth::ClothData;
 use plywave_pipeline::exports::*;
 use plywave_pipeline::{ClothRecipe, Run, model_library};
 use std::f64::consts::PI;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::LazyLock;
 use std::sync::atomic::AtomicBool;
 
@@ -31,7 +31,7 @@ fn coarse(cloth: &MeanCloth, basis: Basis) -> Matrix {
 }
 
 fn exported(format: Format, name: &str, options: &ExportOptions) -> Exported {
-    export(&ORGANZA, format, name, options, &Run::plain()).unwrap()
+    export(&ORGANZA, format, &[PathBuf::from(name)], options, &Run::plain()).unwrap()
 }
 
 #[test]
@@ -199,6 +199,91 @@ fn tensor_trees_are_read_again() {
     assert_eq!(blocks, 8);
 }
 
+/// A cloth of fibers that are alike, of another spec.
+fn with_spec(of: impl Fn(&str) -> String) -> ClothData {
+    ClothData { spec_text: of(&ORGANZA.spec_text), ..ORGANZA.clone() }
+}
+
+/// Thermal fields have the names that LBNL's readers know and, without keys in the spec, what follows from
+/// the energies: fabrics of the pyWinCalc examples emit 0.894 and 0.898 of what does not go through.
+#[test]
+fn files_of_windows_have_heat() {
+    let options = ExportOptions { squares: 8, ..ExportOptions::default() };
+    let fields = |data: &ClothData| -> Vec<f64> {
+        let out = export(data, Format::TensorTree, &[PathBuf::from("o.xml")], &options, &Run::plain()).unwrap();
+        let document = roxmltree::Document::parse(text(&out)).unwrap();
+        let material = child(document.root_element(), "Material");
+        assert_eq!(child(material, "Thickness").attribute("unit"), Some("meter"));
+        ["Thickness", "ThermalConductivity", "EmissivityFront", "EmissivityBack", "TIR", "PermeabilityFactor"]
+            .map(|name| child(material, name).text().unwrap().parse().unwrap())
+            .to_vec()
+    };
+    let usual = fields(&ORGANZA);
+    let [thickness, conductivity, front, back, through, open] = usual[..] else { panic!("{usual:?}") };
+    let half_um = f64::from(cloth(None).points().lines().half_thickness_um());
+    assert!((thickness - 2e-6 * half_um).abs() < 1e-9 && conductivity == 0.15, "{usual:?}");
+    // Samples of the cloth, which share no code with the patches and the lines.
+    let cloth = cloth(None);
+    let sampled = |wo: &(dyn Fn([f64; 2]) -> [f32; 3] + Sync), of: &dyn Fn(&Energies) -> f64| {
+        Estimate::of(&cloth.energies(wo, 1 << 14, 3).iter().map(of).collect::<Vec<_>>())
+    };
+    let cosine = |u: [f64; 2]| {
+        let (sin, cos) = (2.0 * PI * u[1]).sin_cos();
+        [(u[0].sqrt() * cos) as f32, (u[0].sqrt() * sin) as f32, (1.0 - u[0]).max(1e-5).sqrt() as f32]
+    };
+    let want = sampled(&cosine, &|e| e.straight);
+    assert!((through - want.value).abs() < 0.005 + 5.0 * want.se, "TIR {through}, {want:?}");
+    let want = sampled(&|_| [0.0, 0.0, 1.0], &|e| e.open);
+    assert!((open - want.value).abs() < 0.01 + 5.0 * want.se, "open {open}, {want:?}");
+    for emitted in [front, back] {
+        assert!((emitted / (1.0 - through) - 0.896).abs() < 0.01, "{emitted} of {}", 1.0 - through);
+    }
+    // Keys of the spec are taken as they are; what is given leaves no more for the rest.
+    let given = "\n[thermal]\nthickness_um = 480.0\nconductivity_w_per_m_k = 0.12\nemissivity_front = 0.835\nemissivity_back = 0.8\nir_transmittance = 0.07\npermeability = 0.038528\n";
+    assert_eq!(fields(&with_spec(|spec| format!("{spec}{given}"))), [0.00048, 0.12, 0.835, 0.8, 0.07, 0.038528]);
+    let part = fields(&with_spec(|spec| format!("{spec}\n[thermal]\nemissivity_back = 0.95\n")));
+    assert!(part[3] == 0.95 && (part[4] - 0.05).abs() < 1e-6 && part[2] > 0.85 * 0.95, "{part:?}");
+}
+
+/// Formats beside each other share no file, and replace none but their own.
+#[test]
+fn files_of_another_origin_stay() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    let mains: Vec<(Format, PathBuf)> =
+        Format::ALL.into_iter().map(|format| (format, at(&format!("o.{}", format.endings()[0])))).collect();
+    let mut all: Vec<PathBuf> = Vec::new();
+    for (format, main) in mains.iter().filter(|(format, _)| *format != Format::TensorTree) {
+        all.extend(format.outputs(std::slice::from_ref(main)));
+    }
+    let count = all.len();
+    all.sort();
+    all.dedup();
+    assert_eq!((all.len(), count), (4 + 8 + 9, 4 + 8 + 9), "{all:?}");
+    // What two formats would both write is refused by the second.
+    let options = ExportOptions { squares: 8, samples: 1024, pixels: 16, ..ExportOptions::default() };
+    let views = vec![View { tilt_rad: 0.0, azimuth_rad: 0.0, is_face: true }];
+    let options = ExportOptions { views, ..options };
+    for (format, name) in [
+        (Format::TensorTree, "o.xml"),
+        (Format::Report, "o.md"),
+        (Format::Report, "o.csv"),
+        (Format::Report, "o.json"),
+        (Format::Report, "o.html"),
+    ] {
+        let mains = [at(name)];
+        format.check_outputs(&mains).unwrap();
+        export(&ORGANZA, format, &mains, &options, &Run::plain()).unwrap().save().unwrap();
+        format.check_outputs(&mains).unwrap();
+        for other in Format::ALL.into_iter().filter(|other| *other != format) {
+            let message = other.check_outputs(&mains).unwrap_err().to_string();
+            assert!(message.contains(name) && message.contains("--force"), "{message}");
+        }
+    }
+    std::fs::write(at("p.md"), "notes of mine").unwrap();
+    assert!(Format::Report.check_outputs(&[at("q.md"), at("p.md")]).is_err());
+}
+
 fn number<const N: usize>(bytes: &[u8], at: &mut usize) -> u64 {
     let mut all = [0; 8];
     all[..N].copy_from_slice(&bytes[*at..*at + N]);
@@ -286,12 +371,17 @@ fn reports_have_standard_errors_and_say_what_they_assume() {
     // Clear in the infrared, more of the sun is scattered.
     let solar = |report: &serde_json::Value| report["normal"][0]["solar_absorbed"]["value"].as_f64().unwrap();
     assert!(solar(&with) < solar(&report));
-    for name in ["o.csv", "o.md", "o.html"] {
-        let out = exported(Format::Report, name, &options);
-        assert!(text(&out).contains("28.648") && text(&out).lines().count() > 3, "{}", text(&out));
+    // Several files of one report.
+    let mains = ["o.csv", "a/o.md", "o.html", "o.json"].map(PathBuf::from);
+    let all = export(&ORGANZA, Format::Report, &mains, &options, &Run::plain()).unwrap();
+    let paths: Vec<&PathBuf> = all.files.iter().map(|(path, _)| path).collect();
+    assert_eq!(paths, mains.iter().collect::<Vec<_>>());
+    for (_, bytes) in &all.files[..3] {
+        let text = std::str::from_utf8(bytes).unwrap();
+        assert!(text.contains("28.648") && text.lines().count() > 3, "{text}");
     }
-    let csv = exported(Format::Report, "o.csv", &options);
-    let columns: Vec<usize> = text(&csv).lines().map(|line| line.split(',').count()).collect();
+    assert_eq!(all.files[3].1, out.files[0].1, "as the one file is");
+    let columns: Vec<usize> = text(&all).lines().map(|line| line.split(',').count()).collect();
     assert!(columns.iter().all(|n| *n == columns[0]), "{columns:?}");
 }
 
@@ -300,8 +390,8 @@ fn reports_have_standard_errors_and_say_what_they_assume() {
 fn materials_are_whole_and_near_the_cloth() {
     let options = ExportOptions { pixels: 32, ..ExportOptions::default() };
     let out = exported(Format::Usd, "o.usda", &options);
-    let names: Vec<&str> = out.files.iter().map(|(name, _)| name.as_str()).collect();
-    assert_eq!(&names[..3], ["o.usda", "o.mtlx", "o_maps/base_color.png"]);
+    let names: Vec<&str> = out.files.iter().map(|(name, _)| name.to_str().unwrap()).collect();
+    assert_eq!(&names[..3], ["o.usda", "o_usd.mtlx", "o_usd_maps/base_color.png"]);
     let mtlx = std::str::from_utf8(&out.files[1].1).unwrap();
     let document = roxmltree::Document::parse(mtlx).unwrap();
     let root = document.root_element();
@@ -310,7 +400,7 @@ fn materials_are_whole_and_near_the_cloth() {
     let mut images = 0;
     for input in root.descendants().filter(|n| n.attribute("type") == Some("filename")) {
         let file = input.attribute("value").unwrap();
-        let (_, bytes) = out.files.iter().find(|(name, _)| name == file).unwrap();
+        let (_, bytes) = out.files.iter().find(|(name, _)| name == Path::new(file)).unwrap();
         let reader = png::Decoder::new(std::io::Cursor::new(bytes)).read_info().unwrap();
         assert_eq!((reader.info().width, reader.info().height), (32, 32), "{file}");
         images += 1;
@@ -325,6 +415,21 @@ fn materials_are_whole_and_near_the_cloth() {
         |what: &str| (fact(&format!("{what}_of_the_material")) / fact(&format!("{what}_of_the_cloth")) - 1.0).abs();
     assert!(off("reflectance") < 0.15 && off("transmittance") < 0.15, "{:?}", out.facts);
     assert!(out.notes.iter().any(|note| note.starts_with("Error by lobe")), "{:?}", out.notes);
+
+    // All of them are known again as this format's, and of no other.
+    let folder = tempfile::tempdir().unwrap();
+    for (name, bytes) in &out.files {
+        let path = folder.path().join(name);
+        std::fs::create_dir_all(path.parent().unwrap()).unwrap();
+        std::fs::write(path, bytes).unwrap();
+    }
+    let mains = [folder.path().join("o.usda")];
+    let files = Format::Usd.outputs(&mains);
+    assert!(files.len() == 9 && files.iter().all(|file| file.is_file()), "{files:?}");
+    Format::Usd.check_outputs(&mains).unwrap();
+    for file in files {
+        assert!(Format::OpenPbr.check_outputs(std::slice::from_ref(&file)).is_err(), "{}", file.display());
+    }
 
     let out = exported(Format::Gltf, "o.glb", &options);
     let bytes = &out.files[0].1;
@@ -347,7 +452,7 @@ fn materials_are_whole_and_near_the_cloth() {
 #[test]
 fn bad_exports_are_refused_and_stopped() {
     let refused = |format: Format, name: &str, options: ExportOptions| {
-        export(&ORGANZA, format, name, &options, &Run::plain()).unwrap_err().to_string()
+        export(&ORGANZA, format, &[PathBuf::from(name)], &options, &Run::plain()).unwrap_err().to_string()
     };
     let usual = ExportOptions::default;
     assert!(refused(Format::Klems, "o.bsdf", usual()).contains("name a .xml"));
@@ -361,7 +466,7 @@ fn bad_exports_are_refused_and_stopped() {
     let stop = AtomicBool::new(true);
     let run = Run { stop: Some(&stop), ..Run::plain() };
     for (format, name) in [(Format::Klems, "o.xml"), (Format::Report, "o.md"), (Format::Rgl, "o.bsdf")] {
-        let stopped = export(&ORGANZA, format, name, &usual(), &run);
+        let stopped = export(&ORGANZA, format, &[PathBuf::from(name)], &usual(), &run);
         assert!(matches!(stopped, Err(plywave_pipeline::Error::Interrupted { .. })), "{format:?}");
     }
 }

@@ -1,0 +1,77 @@
+//! The files that a format writes, and how those of an earlier export are told from all others.
+
+use super::Format;
+use super::openpbr::texture_names;
+use crate::error::Error;
+use std::io::Read;
+use std::path::{Path, PathBuf};
+
+/// Bytes at the start of a file among which its mark is.
+const HEAD: u64 = 1 << 16;
+/// How the CSV of a report begins, which has no place for a mark.
+pub const CSV_HEAD: &str = "side,tilt_deg,azimuth_deg";
+
+/// What each file of a format says of its origin.
+pub fn mark(format: Format) -> String {
+    format!("plywave export: {}", format.name())
+}
+
+/// The ending of a path, in small letters.
+pub fn ending(path: &Path) -> String {
+    path.extension().map(|e| e.to_string_lossy().to_ascii_lowercase()).unwrap_or_default()
+}
+
+/// What the files beside a main file begin with: its name without ending, and the format, so that two formats
+/// never share them.
+pub fn stem_beside(format: Format, main: &Path) -> String {
+    let stem = main.file_stem().map(|s| s.to_string_lossy().into_owned()).unwrap_or_default();
+    let suffix = format!("_{}", format.name());
+    if stem.ends_with(&suffix) { stem } else { stem + &suffix }
+}
+
+impl Format {
+    /// All files that an export with these main files writes.
+    pub fn outputs(self, mains: &[PathBuf]) -> Vec<PathBuf> {
+        let mut all = mains.to_vec();
+        for main in mains.iter().filter(|_| matches!(self, Format::OpenPbr | Format::Usd)) {
+            let stem = stem_beside(self, main);
+            if self == Format::Usd {
+                all.push(main.with_file_name(format!("{stem}.mtlx")));
+            }
+            all.extend(texture_names(&stem).map(|name| main.with_file_name(name)));
+        }
+        all
+    }
+
+    /// Refuses to replace files that this format has not written: those of other formats, of other commands
+    /// and of other programs.
+    ///
+    /// # Errors
+    /// [`Error::Runtime`] for such a file, and for one that cannot be read.
+    pub fn check_outputs(self, mains: &[PathBuf]) -> Result<(), Error> {
+        match self.outputs(mains).into_iter().find_map(|path| self.foreign(&path).transpose()) {
+            None => Ok(()),
+            Some(Err(error)) => Err(error.into()),
+            Some(Ok(path)) => Err(Error::Runtime(plywave::Error::Invalid {
+                file: path.display().to_string(),
+                key: "output".into(),
+                value: format!("a file that is not of an earlier export to {}", self.name()),
+                hint: "name another file, or give --force (in Python force=True) to replace it".into(),
+            })),
+        }
+    }
+
+    /// The path, if there is a file that this format has not written.
+    fn foreign(self, path: &Path) -> plywave::Result<Option<PathBuf>> {
+        if !path.exists() {
+            return Ok(None);
+        }
+        let mut head = Vec::new();
+        let read = plywave::io::open_file(path, u64::MAX)?.take(HEAD).read_to_end(&mut head);
+        read.map_err(|source| plywave::Error::Io { file: path.display().to_string(), source })?;
+        let mark = mark(self);
+        let is_own = head.windows(mark.len()).any(|part| part == mark.as_bytes())
+            || self == Format::Report && ending(path) == "csv" && head.starts_with(CSV_HEAD.as_bytes());
+        Ok((!is_own).then(|| path.to_path_buf()))
+    }
+}
