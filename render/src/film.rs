@@ -280,7 +280,7 @@ impl Film {
         let file = path.display().to_string();
         let bad = |what: &str| RenderError::Picture {
             file: file.clone(),
-            what: format!("{what}; remove it, or render without --resume"),
+            what: format!("{what}; start over with --fresh instead of --resume"),
         };
         let mut film = Film::new(width, height)?;
         let most = u64::from(width) * u64::from(height) * PIXEL_BYTES + MAX_HEADER;

@@ -1,5 +1,5 @@
-//! Reads vertices, texture coordinates, normals and faces of a Wavefront OBJ file. All else is ignored:
-//! names, materials, colors, smoothing groups, points, lines, curves.
+//! Reads vertices, texture coordinates, normals, and faces or lines of a Wavefront OBJ file. All else is
+//! ignored: names, materials, colors, smoothing groups, points, curves.
 //!
 //! Coordinates stay in double precision, and faces stay polygons with their first line. Ignored text may be
 //! in any encoding. Lines end as they do on Unix, on Windows or on an old Mac; a backslash at the end of a
@@ -11,6 +11,36 @@ use std::borrow::Cow;
 /// Index of a missing texture coordinate or normal.
 pub(crate) const NONE: u32 = u32::MAX;
 
+/// The kind of elements that are read.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Element {
+    /// `f`, or `fo` of old files.
+    Face,
+    /// `l`.
+    Line,
+}
+
+impl Element {
+    /// Whether a statement is an element of this kind.
+    fn is(self, statement: &str) -> bool {
+        match self {
+            Element::Face => matches!(statement, "f" | "fo"),
+            Element::Line => statement == "l",
+        }
+    }
+
+    /// Its name in messages.
+    fn name(self) -> &'static str {
+        match self {
+            Element::Face => "face",
+            Element::Line => "line",
+        }
+    }
+}
+
+/// Statements by which a file begins.
+const STATEMENTS: [&str; 12] = ["v", "vt", "vn", "vp", "o", "g", "s", "f", "l", "p", "mtllib", "usemtl"];
+
 /// The geometry of a file.
 #[derive(Debug, Default)]
 pub(crate) struct Obj {
@@ -20,9 +50,9 @@ pub(crate) struct Obj {
     pub uvs: Vec<[f64; 2]>,
     /// Normals, of any length.
     pub normals: Vec<[f64; 3]>,
-    /// Corners of all faces, face after face.
+    /// Corners of all faces, or points of all lines, one element after the other.
     corners: Vec<Corner>,
-    /// Faces in the order of the file: the line from 1 that each begins on, and the end of its corners.
+    /// Elements in the order of the file: the line from 1 that each begins on, and the end of its corners.
     faces: Vec<(u32, u32)>,
 }
 
@@ -38,18 +68,37 @@ pub(crate) struct Corner {
 }
 
 impl Obj {
-    /// Reads the bytes of a file; `name` stands for it in errors.
+    /// Whether the first statement of a text is one of an OBJ.
+    pub fn is(bytes: &[u8]) -> bool {
+        let text = decode(bytes.get(..bytes.len().min(1 << 16)).unwrap_or_default());
+        let mut lines = Lines { rest: &text, number: 0 };
+        let first = lines.find_map(|line| statement(line).0.split_ascii_whitespace().next());
+        first.is_some_and(|word| STATEMENTS.contains(&word))
+    }
+
+    /// Reads the vertices and faces of the bytes of a file; `name` stands for it in errors.
+    ///
+    /// # Errors
+    /// As [`Obj::elements`].
+    pub fn read(bytes: &[u8], name: &str) -> Result<Obj, RenderError> {
+        Obj::elements(bytes, name, Element::Face)
+    }
+
+    /// Reads the vertices and the elements of a kind; `name` stands for the file in errors.
     ///
     /// # Errors
     /// [`RenderError::Mesh`] with the line, for invalid text and for an index out of range.
-    pub fn read(bytes: &[u8], name: &str) -> Result<Obj, RenderError> {
+    pub fn elements(bytes: &[u8], name: &str, element: Element) -> Result<Obj, RenderError> {
         let bad = |line: usize, what: String| RenderError::Mesh { file: name.into(), line, what };
         let text = decode(bytes);
         let mut obj = Obj::default();
         let mut lines = Lines { rest: &text, number: 0 };
         while let Some(line) = lines.next() {
             let (number, (head, mut continued)) = (lines.number, statement(line));
-            let Some(kind @ ("v" | "vt" | "vn" | "f" | "fo")) = head.split_ascii_whitespace().next() else { continue };
+            let Some(kind) = head.split_ascii_whitespace().next() else { continue };
+            if !matches!(kind, "v" | "vt" | "vn") && !element.is(kind) {
+                continue;
+            }
             let mut whole = Cow::Borrowed(head);
             while continued && let Some(line) = lines.next() {
                 let (more, again) = statement(line);
@@ -61,7 +110,7 @@ impl Obj {
                 "v" => obj.position(words),
                 "vt" => obj.uv(words),
                 "vn" => obj.normal(words),
-                _ => obj.face(words, number as u32),
+                _ => obj.face(words, number as u32, element),
             }
             .map_err(|what| bad(number, what))?;
         }
@@ -74,7 +123,8 @@ impl Obj {
                     (corner.normal, obj.normals.len(), "normal"),
                 ] {
                     if index != NONE && index as usize >= count {
-                        return Err(bad(line, format!("a face names {what} {}, and there are {count}", index + 1)));
+                        let of = element.name();
+                        return Err(bad(line, format!("a {of} names {what} {}, and there are {count}", index + 1)));
                     }
                 }
             }
@@ -82,7 +132,7 @@ impl Obj {
         Ok(obj)
     }
 
-    /// Faces: the line that each begins on, and its corners.
+    /// Faces or lines: the line of the file that each begins on, and its corners.
     pub fn faces(&self) -> impl Iterator<Item = (usize, &[Corner])> {
         let mut from = 0;
         self.faces.iter().map(move |&(line, end)| {
@@ -126,8 +176,9 @@ impl Obj {
         Ok(())
     }
 
-    /// `f v/vt/vn ..`, from 1, or from the last backwards below 0.
-    fn face<'a>(&mut self, words: impl Iterator<Item = &'a str>, line: u32) -> Result<(), String> {
+    /// `f v/vt/vn ..` or `l v/vt ..`, from 1, or from the last backwards below 0.
+    fn face<'a>(&mut self, words: impl Iterator<Item = &'a str>, line: u32, element: Element) -> Result<(), String> {
+        let wrong = |word: &str| format!("not a corner of a {}: {word}", element.name());
         let counts = [self.positions.len(), self.uvs.len(), self.normals.len()];
         for word in words {
             let mut indices = [NONE; 3];
@@ -135,11 +186,11 @@ impl Obj {
             for (k, part) in parts.by_ref().take(3).enumerate() {
                 // `v//vn` and `v/` have empty parts.
                 if k == 0 || !part.is_empty() {
-                    indices[k] = index(part, counts[k]).ok_or_else(|| format!("not a corner of a face: {word}"))?;
+                    indices[k] = index(part, counts[k]).ok_or_else(|| wrong(word))?;
                 }
             }
             if parts.next().is_some() {
-                return Err(format!("not a corner of a face: {word}"));
+                return Err(wrong(word));
             }
             let [position, uv, normal] = indices;
             self.corners.push(Corner { position, uv, normal });

@@ -1,5 +1,6 @@
 //! Pictures as bytes with metadata: EXR with layers for denoisers, PNG with text.
 
+use crate::primaries::Primaries;
 use crate::{Film, FilmView, RenderError};
 use exr::prelude::{
     AnyChannel, AnyChannels, AttributeValue, Encoding, FlatSamples, Image, IntegerBounds, Layer, LayerAttributes,
@@ -46,9 +47,6 @@ impl Facts {
         ]
     }
 }
-
-/// Chromaticities of the primaries and the white of linear sRGB (ITU-R BT.709, D65).
-pub(crate) const REC_709: [[f32; 2]; 4] = [[0.64, 0.33], [0.30, 0.60], [0.15, 0.06], [0.3127, 0.3290]];
 
 /// An OpenEXR text: Latin-1, with `?` for other characters.
 fn text(value: &str) -> Text {
@@ -98,7 +96,7 @@ impl Film {
         let layer = Layer::new(size, attributes, Encoding::SMALL_FAST_LOSSLESS, AnyChannels::sort(channels));
         let mut image = Image::from_layer(layer);
         image.attributes.display_window = IntegerBounds::from_dimensions(size);
-        let [red, green, blue, white] = REC_709.map(|[x, y]| Vec2(x, y));
+        let [red, green, blue, white] = Primaries::SRGB.0.map(|[x, y]| Vec2(x as f32, y as f32));
         image.attributes.chromaticities = Some(exr::meta::attribute::Chromaticities { red, green, blue, white });
         let mut out = std::io::Cursor::new(Vec::new());
         let bad = |e: exr::error::Error| RenderError::Picture { file: "EXR".into(), what: e.to_string() };

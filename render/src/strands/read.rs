@@ -1,26 +1,28 @@
-//! Files of strands: Cem Yuksel's `.hair`, Mitsuba's curve text, pbrt's text.
+//! Files of strands: Cem Yuksel's `.hair`, Mitsuba's curve text, pbrt's text, lines of a Wavefront OBJ.
 //!
 //! | file | units and radii |
 //! |---|---|
 //! | `.hair` | coordinates in the file's units; thickness is a diameter in the same, one per strand point or one for all |
-//! | Mitsuba's text | `x y z radius` a line, an empty line between curves |
+//! | Mitsuba's text | `x y z radius` a line, an empty line between curves; `x y z` where the scene has the radius |
 //! | pbrt's text | `width`, or `width0` to `width1`, is a diameter; `basis` `bezier` or `bspline`, of degree 3 or 2; transforms are applied |
+//! | Wavefront OBJ | elements `l`, of which one that begins at the last vertex of the one before continues it; the scene has the radius |
 //!
-//! Ignored: the colors and transparency of `.hair`, pbrt's shapes other than curves, and the normals of
-//! ribbons.
+//! Ignored: the colors and transparency of `.hair`, pbrt's shapes other than curves, the normals of ribbons,
+//! and of an OBJ all but vertices and lines.
 
 use super::how::{MAX_BYTES, StrandFile, cut, refuse_packed};
 use super::pbrt;
 use super::{MAX_POINTS, StrandNotes, Strands};
 use crate::RenderError;
+use crate::obj::{Element, Obj};
 use crate::room::read_file;
 use plywave::io::Folder;
 use std::path::Path;
 
 impl Strands {
-    /// Reads a file by its contents: `.hair` begins with `HAIR`, Mitsuba's text with a number, pbrt's text
-    /// has the word `Shape` or begins with one of its statements. Files that pbrt's text includes are
-    /// read from the file's folder.
+    /// Reads a file by its contents: `.hair` begins with `HAIR`, Mitsuba's text with a number, an OBJ with
+    /// one of its statements, pbrt's text has the word `Shape` or begins with one of its own. Files that
+    /// pbrt's text includes are read from the file's folder.
     ///
     /// # Errors
     /// [`RenderError::Strands`], [`RenderError::Io`], [`RenderError::TooLarge`].
@@ -53,14 +55,17 @@ fn read(
     let mut notes = StrandNotes::default();
     let strands = if bytes.starts_with(b"HAIR") {
         hair(bytes, file, how, &mut notes)?
+    } else if Obj::is(bytes) {
+        obj_lines(bytes, file, how, &mut notes)?
     } else if pbrt::is(bytes) {
         pbrt::read(bytes, file, how, folder, &mut notes)?
     } else {
-        const NEITHER: &str = "neither .hair nor text; give a .hair file, or curves as Mitsuba's or pbrt's text";
+        const NEITHER: &str =
+            "neither .hair nor text; give a .hair file, curves as Mitsuba's or pbrt's text, or lines of an OBJ";
         mitsuba(std::str::from_utf8(bytes).map_err(|_| bad(NEITHER.into()))?, file, how, &mut notes)?
     };
     if strands.is_empty() {
-        const GIVE: &str = "give a .hair file, or curves as Mitsuba's or pbrt's text";
+        const GIVE: &str = "give a .hair file, curves as Mitsuba's or pbrt's text, or lines (l) of an OBJ";
         let thin = if notes.without_width > 0 { "; radius_um sets the radius of all" } else { "" };
         return Err(bad(match notes.lines()[..] {
             [] => format!("no strands; {GIVE}"),
@@ -132,7 +137,11 @@ fn hair(bytes: &[u8], file: &str, how: &StrandFile, notes: &mut StrandNotes) -> 
     Ok(strands)
 }
 
-/// Mitsuba's text: `x y z radius` per line, curves separated by empty lines.
+/// What is said of points without a radius.
+const NO_RADIUS: &str = "without a radius; a line is `x y z radius`, or `x y z` where the scene sets strands.radius_um";
+
+/// Mitsuba's text: `x y z radius` per line, or `x y z` where the scene has the radius; curves separated by
+/// empty lines.
 fn mitsuba(text: &str, file: &str, how: &StrandFile, notes: &mut StrandNotes) -> Result<Strands, RenderError> {
     let mut strands = Strands::new(how.basis);
     let mut curve: Vec<[f32; 4]> = Vec::new();
@@ -150,8 +159,13 @@ fn mitsuba(text: &str, file: &str, how: &StrandFile, notes: &mut StrandNotes) ->
             |what: String| RenderError::Strands { file: file.to_string(), what: format!("line {}: {what}", k + 1) };
         let mut values = [0.0f32; 4];
         let mut words = line.split_ascii_whitespace();
-        for (value, name) in values.iter_mut().zip(["x", "y", "z", "a radius"]) {
-            let word = words.next().ok_or_else(|| bad(format!("without {name}; a line is `x y z radius`")))?;
+        for (value, name) in values.iter_mut().zip(["x", "y", "z", ""]) {
+            let word = match words.next() {
+                Some(word) => word,
+                None if !name.is_empty() => return Err(bad(format!("without {name}; a line is `x y z radius`"))),
+                None if how.radius_mm.is_some() => break,
+                None => return Err(bad(NO_RADIUS.into())),
+            };
             *value =
                 word.parse().map_err(|_| bad(format!("{:?} is no number; a line is `x y z radius`", cut(word))))?;
         }
@@ -165,6 +179,42 @@ fn mitsuba(text: &str, file: &str, how: &StrandFile, notes: &mut StrandNotes) ->
             return Err(bad(format!("more than {MAX_POINTS} points in one curve; split it by an empty line")));
         }
         curve.push(how.point([values[0], values[1], values[2]], values[3]));
+    }
+    Ok(strands)
+}
+
+/// Lines of an OBJ. Programs that know no polylines write an edge an element: one that begins at the last
+/// vertex of the one before continues its strand.
+fn obj_lines(bytes: &[u8], file: &str, how: &StrandFile, notes: &mut StrandNotes) -> Result<Strands, RenderError> {
+    let bad = |line: usize, what: String| RenderError::Strands {
+        file: file.to_string(),
+        what: if line > 0 { format!("line {line}: {what}") } else { what },
+    };
+    let obj = Obj::elements(bytes, file, Element::Line).map_err(|e| match e {
+        RenderError::Mesh { line, what, .. } => bad(line, what),
+        other => other,
+    })?;
+    let mut strands = Strands::new(how.basis);
+    let mut lines = obj.faces().peekable();
+    if let Some((line, _)) = lines.peek()
+        && how.radius_mm.is_none()
+    {
+        return Err(bad(*line, "a line of an OBJ has no radius; set strands.radius_um in the scene".into()));
+    }
+    let mut curve: Vec<[f32; 4]> = Vec::new();
+    while let Some((begun, corners)) = lines.next() {
+        let point = |index: u32| how.point(obj.positions[index as usize].map(|x| x as f32), 0.0);
+        let mut end = corners.last().map(|corner| corner.position);
+        curve.clear();
+        curve.extend(corners.iter().map(|corner| point(corner.position)));
+        while let Some((_, more)) = lines.next_if(|(_, next)| end.is_some() && next.first().map(|c| c.position) == end)
+        {
+            curve.extend(more.iter().skip(1).map(|corner| point(corner.position)));
+            end = more.last().map(|corner| corner.position);
+        }
+        if !curve.is_empty() {
+            how.push(&mut strands, &mut curve, notes, file, &format!("line element at line {begun}"))?;
+        }
     }
     Ok(strands)
 }

@@ -1,6 +1,7 @@
 //! Skies from files: OpenEXR by layers, luminance and one channel, in half and float; Radiance in its three
-//! codings; invalid radiances; files that are not skies.
+//! codings; other primaries; windows and sizes; invalid radiances; files that are not skies.
 
+use exr::meta::attribute::Chromaticities;
 use exr::prelude::{
     AnyChannel, AnyChannels, Encoding, FlatSamples, Image, ImageAttributes, IntegerBounds, Layer, LayerAttributes,
     SmallVec, Text, Vec2, WritableImage, f16,
@@ -28,6 +29,14 @@ fn same(value: f32) -> FlatSamples {
 }
 
 fn exr(path: &Path, parts: &[Part<'_>]) {
+    exr_with(path, parts, None);
+}
+
+/// Chromaticities of red, green, blue and white: of ACES AP1, and of CIE XYZ.
+const AP1: [[f32; 2]; 4] = [[0.713, 0.293], [0.165, 0.830], [0.128, 0.044], [0.32168, 0.33767]];
+const XYZ: [[f32; 2]; 4] = [[1.0, 0.0], [0.0, 1.0], [0.0, 0.0], [1.0 / 3.0, 1.0 / 3.0]];
+
+fn exr_with(path: &Path, parts: &[Part<'_>], primaries: Option<[[f32; 2]; 4]>) {
     let layer = |(name, channels): &Part<'_>| {
         let list: SmallVec<[AnyChannel<FlatSamples>; 4]> =
             channels.iter().map(|(name, samples)| AnyChannel::new(Text::new_or_panic(name), samples.clone())).collect();
@@ -35,7 +44,11 @@ fn exr(path: &Path, parts: &[Part<'_>]) {
         Layer::new(Vec2(4, 2), attributes, Encoding::UNCOMPRESSED, AnyChannels::sort(list))
     };
     let layers: Vec<_> = parts.iter().map(layer).collect();
-    let attributes = ImageAttributes::new(IntegerBounds::new(Vec2(0, 0), Vec2(4, 2)));
+    let mut attributes = ImageAttributes::new(IntegerBounds::new(Vec2(0, 0), Vec2(4, 2)));
+    attributes.chromaticities = primaries.map(|list| {
+        let [red, green, blue, white] = list.map(|[x, y]| Vec2(x, y));
+        Chromaticities { red, green, blue, white }
+    });
     Image::from_layers(attributes, layers).write().to_file(path).unwrap();
 }
 
@@ -192,6 +205,115 @@ fn windows_place_the_data() {
     assert!(notes.contains("10 of 6 x 3 texels"), "{notes}");
 }
 
+/// Radiances of the first texel in the three bands; of a gray, they are its value.
+fn bands(sky: &Environment) -> [f32; 3] {
+    let text = format!("{sky:?}");
+    let first = text.split("texels: [[").nth(1).and_then(|rest| rest.split(']').next()).unwrap();
+    let numbers: Vec<f32> = first.split(", ").map(|v| v.parse().unwrap()).collect();
+    numbers.try_into().unwrap()
+}
+
+#[test]
+fn other_primaries_are_converted() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("sky.exr");
+    const CONVERTED: &str = "its colors are converted from its own primaries to those of sRGB";
+    // Half of the first column of the published matrix from AP1 to sRGB, before it is cut at 0.
+    let (_, notes) = loaded(&field("sky_primaries/primaries.hdr"), None);
+    assert!(notes.starts_with(CONVERTED) && notes.contains("(0, 0), is (0.8525, -0.0651, -0.0120)"), "{notes}");
+    let (gray, notes) = loaded(&field("sky_primaries/xyz_grey.exr"), None);
+    assert_eq!(notes, CONVERTED);
+    // Its numbers have three digits.
+    let numbers = bands(&gray);
+    assert!(numbers.iter().all(|v| (v - 0.5).abs() < 1.5e-3), "{numbers:?}");
+    // One color in both kinds of files.
+    let texel = [128u8, 64, 32, 128];
+    let line = "PRIMARIES= 0.713 0.293 0.165 0.830 0.128 0.044 0.32168 0.33767\n";
+    let hdr = folder.path().join("sky.hdr");
+    std::fs::write(&hdr, radiance(line, &vec![[texel; 8].concat(); 4])).unwrap();
+    let rgb = [("B", same(0.125)), ("G", same(0.25)), ("R", same(0.5))];
+    exr_with(&path, &[("", &rgb)], Some(AP1));
+    let published = [
+        1.70505 * 0.5 - 0.62179 * 0.25 - 0.08326 * 0.125,
+        -0.13026 * 0.5 + 1.14080 * 0.25 - 0.01055 * 0.125,
+        -0.02400 * 0.5 - 0.12897 * 0.25 + 1.15297 * 0.125,
+    ];
+    let want = bands(&even(published));
+    for got in [&hdr, &path].map(|file| bands(&loaded(file, None).0)) {
+        assert!(got.iter().zip(&want).all(|(a, b)| (a - b).abs() < 2e-4), "{got:?}, want {want:?}");
+    }
+    // Luminance and chroma by the luminance of these primaries: of XYZ it is the green alone.
+    let (y, ry, by) = (0.5f32, -0.5, 0.25);
+    exr_with(&path, &[("", &[("BY", same(by)), ("RY", same(ry)), ("Y", same(y))])], Some(XYZ));
+    let chroma = loaded(&path, None).0;
+    let rgb = [("B", same((1.0 + by) * y)), ("G", same(y)), ("R", same((1.0 + ry) * y))];
+    exr_with(&path, &[("", &rgb)], Some(XYZ));
+    assert!(chroma == loaded(&path, None).0);
+    // Grays have no primaries; those of sRGB need no conversion.
+    exr_with(&path, &[("", &[("Y", same(0.5))])], Some(XYZ));
+    assert_eq!(loaded(&path, None), (even([0.5; 3]), String::new()));
+    // A value below 0 of narrow primaries may be a color of sRGB; what is no number is replaced before.
+    let narrow = [[0.55, 0.35], [0.30, 0.50], [0.18, 0.12], [0.3127, 0.3290]];
+    exr_with(&path, &[("", &[("B", same(-0.01)), ("G", same(0.2)), ("R", same(0.2))])], Some(narrow));
+    assert_eq!(loaded(&path, None).1, CONVERTED);
+    exr_with(&path, &[("", &[("B", same(f32::NAN)), ("G", same(0.2)), ("R", same(0.2))])], Some(XYZ));
+    assert!(loaded(&path, None).1.contains("8 values are no radiances"));
+    // Primaries that are none.
+    exr_with(&path, &[("", &rgb)], Some([[0.3, 0.3]; 4]));
+    refused(&path, None, &["make no colors"]);
+    let plain = vec![[texel; 8].concat(); 4];
+    for bad in ["PRIMARIES=0.64 0.33\n", "PRIMARIES=none\n"] {
+        std::fs::write(&hdr, radiance(bad, &plain)).unwrap();
+        refused(&hdr, None, &["PRIMARIES=", "eight numbers"]);
+    }
+    std::fs::write(&hdr, radiance("PRIMARIES=0 0 0 0 0 0 0 0\n", &plain)).unwrap();
+    refused(&hdr, None, &["make no colors"]);
+}
+
+/// An EXR with gray data of a size at a place, in a display window.
+fn windows(path: &Path, data: [usize; 2], at: [i32; 2], display: [usize; 2], encoding: Encoding) {
+    let samples = FlatSamples::F32(vec![1.0; data[0] * data[1]]);
+    let channels = AnyChannels::sort(SmallVec::from_vec(vec![AnyChannel::new(Text::new_or_panic("Y"), samples)]));
+    let attributes = LayerAttributes { layer_position: Vec2(at[0], at[1]), ..LayerAttributes::default() };
+    let layer = Layer::new(Vec2(data[0], data[1]), attributes, encoding, channels);
+    let window = ImageAttributes::new(IntegerBounds::new(Vec2(0, 0), Vec2(display[0], display[1])));
+    Image::from_layers(window, vec![layer]).write().to_file(path).unwrap();
+}
+
+#[test]
+fn windows_that_the_data_do_not_fill_are_refused() {
+    let whole = "twice as wide as high";
+    refused(&field("exr_display_window/sky.exr"), None, &["8355810 x 16", whole]);
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("sky.exr");
+    for (data, display, word) in [
+        ([32, 16], [16384, 8192], "a display window of 16384 x 8192 texels for data of 32 x 16"),
+        ([2000, 1000], [2, 1], "a display window of 2 x 1 texels for data of 2000 x 1000"),
+        ([32, 16], [16, 64], whole),
+        ([32, 16], [400, 32], whole),
+    ] {
+        windows(&path, data, [0, 0], display, Encoding::SMALL_LOSSLESS);
+        refused(&path, None, &[word]);
+    }
+    // A lamp of a few degrees in a dark sky, and data all around the display window, in tiles too.
+    let tiles = Encoding { blocks: exr::prelude::Blocks::Tiles(Vec2(7, 5)), ..Encoding::SMALL_LOSSLESS };
+    for encoding in [Encoding::UNCOMPRESSED, Encoding::SMALL_LOSSLESS, Encoding::FAST_LOSSLESS, tiles] {
+        windows(&path, [10, 10], [300, 100], [1024, 512], encoding);
+        let (sky, notes) = loaded(&path, None);
+        let lit = |k: usize| (300..310).contains(&(k % 1024)) && (100..110).contains(&(k / 1024));
+        let texels = (0..1024 * 512).map(|k| if lit(k) { [1.0; 3] } else { [0.0; 3] }).collect();
+        assert!(sky == Environment::picture(1024, texels).unwrap() && notes.contains("outside its data window"));
+        windows(&path, [20, 12], [-4, -3], [8, 4], encoding);
+        assert!(loaded(&path, None) == (Environment::picture(8, vec![[1.0; 3]; 32]).unwrap(), String::new()));
+    }
+    // A file that ends early, at every place.
+    let bytes = std::fs::read(&path).unwrap();
+    for cut in 0..bytes.len() {
+        std::fs::write(&path, &bytes[..cut]).unwrap();
+        refused(&path, None, &[]);
+    }
+}
+
 /// Bytes of a Radiance picture of 8 x 4 texels: header lines, and rows by their four bytes a texel.
 fn radiance(header: &str, rows: &[Vec<u8>]) -> Vec<u8> {
     let mut bytes = format!("#?RADIANCE\n{header}FORMAT=32-bit_rle_rgbe\n\n-Y {} +X 8\n", rows.len()).into_bytes();
@@ -233,9 +355,14 @@ fn radiance_pictures_are_read_in_their_three_codings() {
         refused(&path, None, &[]);
     }
     let sized = |line: &str| String::from_utf8_lossy(&radiance("", &[])).replace("-Y 0 +X 8", line).into_bytes();
-    for (line, word) in
-        [("-Y 100000 +X 200000", "texels"), ("-Y 4000 +X 8000", "cut off"), ("-Y 0 +X 8", "0"), ("+Y 4 +X 8", "+Y")]
-    {
+    for (line, word) in [
+        ("-Y 100000 +X 200000", "texels"),
+        ("-Y 4000 +X 8000", "cut off"),
+        ("-Y 0 +X 8", "0"),
+        ("+Y 4 +X 8", "+Y"),
+        ("-Y 4 +X 33000000", "twice as wide"),
+        ("-Y 5000 +X 8", "twice as wide"),
+    ] {
         std::fs::write(&path, sized(line)).unwrap();
         refused(&path, None, &[word]);
     }

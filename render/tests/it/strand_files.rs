@@ -133,6 +133,61 @@ fn mitsuba_text_comes_back() {
     assert_eq!(read(mitsuba_text(&strands).as_bytes(), &AS_IS).unwrap(), strands);
 }
 
+/// Points of three columns take the scene's radius, and without one the refusal names the key.
+#[test]
+fn three_columns_take_the_radius_of_the_scene() {
+    let how = StrandFile { radius_mm: Some(0.3), ..AS_IS };
+    let strands = read(&field("hair_three_columns/strands.txt"), &how).unwrap();
+    let want = |x: f32| (0..7).map(|z| [x, 0.0, z as f32, 0.3]).collect::<Vec<_>>();
+    assert_eq!(strands.curves().map(<[_]>::to_vec).collect::<Vec<_>>(), [want(0.0), want(2.0)]);
+    // Beside lines of four columns.
+    let strands = read(b"0 0 0\n0 0 1 5\n", &how).unwrap();
+    assert_eq!(strands.points(), [[0.0, 0.0, 0.0, 0.3], [0.0, 0.0, 1.0, 0.3]]);
+    for (text, words) in [
+        (&field("hair_three_columns/strands.txt")[..], ["line 1", "without a radius", "strands.radius_um"]),
+        (b"0 0 0 1\n0 0 1\n", ["line 2", "without a radius", "strands.radius_um"]),
+    ] {
+        let error = read(text, &AS_IS).unwrap_err();
+        assert!(words.iter().all(|word| error.contains(word)), "{error}");
+    }
+    assert!(read(b"0 0\n", &how).unwrap_err().contains("without z"));
+}
+
+#[test]
+fn lines_of_obj_files_are_strands() {
+    let how = StrandFile { radius_mm: Some(0.3), mm_per_unit: 10.0, ..AS_IS };
+    let vertices = "# hair\no Shape\nv 0 0 0\nv 0 0 1\nv 0 0 2 1\nv 5 0 0\nv 5 0 3\nv 7 0 3 1 0 0\nvt 0 0\n";
+    // A polyline, edges of which one continues the other, one that does not; faces are no strands.
+    let elements = "l 1 2 \\\n3\nf 1 2 4\nl 4/1 5/1\nl 5 6\nl -6 -5\n";
+    let curves = |text: &str| {
+        let strands = read(text.as_bytes(), &how).unwrap_or_else(|e| panic!("{e}"));
+        let points = |curve: &[[f32; 4]]| curve.iter().map(|p| [p[0], p[2], p[3]]).collect::<Vec<_>>();
+        strands.curves().map(points).collect::<Vec<_>>()
+    };
+    let want = [
+        vec![[0.0, 0.0, 0.3], [0.0, 10.0, 0.3], [0.0, 20.0, 0.3]],
+        vec![[50.0, 0.0, 0.3], [50.0, 30.0, 0.3], [70.0, 30.0, 0.3]],
+        vec![[0.0, 0.0, 0.3], [0.0, 10.0, 0.3]],
+    ];
+    assert_eq!(curves(&format!("{vertices}{elements}")), want);
+    assert_eq!(curves(&format!("{vertices}{elements}").replace('\n', "\r\n")), want);
+    // A spline goes from end to end of them.
+    let spline = StrandFile { basis: Basis::BSpline, whole: true, ..how };
+    let strands = read(format!("{vertices}l 1 2 3\n").as_bytes(), &spline).unwrap();
+    assert_eq!(ends(strands.points()).map(|p| (10.0 * p[2]).round()), [0.0, 200.0]);
+    for (elements, how, words) in [
+        ("l 1 2\n", AS_IS, ["line 10", "strands.radius_um"]),
+        ("l 1 99\n", how, ["line 10", "a line names vertex 99, and there are 6"]),
+        ("l 1 x\n", how, ["line 10", "not a corner of a line: x"]),
+        ("f 1 2 3\n", how, ["no strands", "lines (l) of an OBJ"]),
+        ("l 1\n", how, ["no strands", "single point"]),
+    ] {
+        let error = read(format!("{vertices}{elements}").as_bytes(), &how).unwrap_err();
+        assert!(words.iter().all(|word| error.contains(word)), "{error}");
+        assert_eq!(error.lines().count(), 1, "{error}");
+    }
+}
+
 /// Points of a Bezier curve lie on the converted curve.
 #[test]
 fn pbrt_curves_are_the_same_curves() {
