@@ -23,7 +23,7 @@ pub fn run(cli: &Cli, args: &NewArgs) -> Outcome {
     tell(cli, &spec, &folder, &missing)
 }
 
-/// The spec of a name; of a cloth and a yarn of one name the cloth, unless the yarn is asked for.
+/// The spec of a name; of a cloth and a yarn of one name the cloth, or with `is_yarn` the yarn.
 fn chosen(name: &str, is_yarn: bool) -> Outcome<ShippedSpec> {
     let all = ShippedSpec::all();
     let is_wanted = |spec: &&ShippedSpec| spec.name() == name && !(is_yarn && spec.kind == ShippedKind::Cloth);

@@ -1,5 +1,5 @@
-//! The server of `plywave view`: files of a site to browsers on this machine, a request a connection. Whatever
-//! others do with their connections, it has a limit on their number, their time and their size.
+//! The server of `plywave view`: files of a site to browsers on this machine, a request a connection.
+//! Whatever others do with their connections, it has a limit on their number, their time and their size.
 
 use std::borrow::Cow;
 use std::collections::BTreeMap;
@@ -107,7 +107,7 @@ fn is_late(error: &std::io::Error) -> bool {
     matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut)
 }
 
-/// What is left until `end`, as long as there is some.
+/// Time until `end`, as long as there is some.
 fn left(end: Instant) -> std::io::Result<Duration> {
     let left = end.saturating_duration_since(Instant::now());
     if left.is_zero() { Err(ErrorKind::TimedOut.into()) } else { Ok(left) }
