@@ -13,10 +13,13 @@ mod absorption;
 mod difference;
 mod tables;
 mod upsample;
+mod written;
 
 pub use absorption::{AlbedoCurve, Clamped, SigmaSpectrum};
 pub use difference::delta_e_2000;
 pub use upsample::SmoothReflectance;
+pub use written::{SRGB_FORMS, srgb_of_numbers, srgb_of_text};
+pub(crate) use written::{optional_srgb, srgb, srgb_of_value};
 
 use tables::{D65, X_BAR, X10_BAR, Y_BAR, Y10_BAR, Z_BAR, Z10_BAR};
 

@@ -25,7 +25,7 @@ pub mod table;
 pub mod twin;
 
 pub use bsdf::{Bsdf, BsdfSample};
-pub use cloth::{ClothModel, ClothQuery};
+pub use cloth::{ClothModel, ClothOptions, ClothQuery};
 pub use error::{Error, Result, one_line};
 pub use fiber::{FiberBsdf, FiberModel, FiberQuery};
 pub use ply::{FamilyParams, PlyBsdf, PlyFamily, PlyModel, PlyQuery};

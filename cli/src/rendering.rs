@@ -73,6 +73,17 @@ impl Outputs {
         self.each().map(output::hold).collect()
     }
 
+    /// Refuses to throw away the sums of an earlier render, unless the flags say what becomes of them.
+    pub fn check_sums(&self, args: &RenderArgs) -> Outcome {
+        if args.resume || args.fresh || !self.sums.exists() {
+            return Ok(());
+        }
+        Err(Failure::Input(format!(
+            "{}: holds the sums of an earlier render; go on with --resume, or delete them with --fresh",
+            self.sums.display()
+        )))
+    }
+
     /// The picture that the flags select.
     fn main(&self) -> &Path {
         self.png.as_deref().or(self.exr.as_deref()).unwrap_or(&self.sums)
@@ -165,6 +176,10 @@ pub fn sky(args: &RenderArgs, notes: &mut Vec<String>) -> Outcome<Option<Environ
 
 /// A new film, or with `--resume` the one to go on with; `--fresh` deletes its sums.
 pub fn film(args: &RenderArgs, outputs: &Outputs, of: &Ingredients) -> Outcome<Film> {
+    if args.fresh && outputs.sums.exists() {
+        let refuse = |e: std::io::Error| Failure::Input(format!("{}: {e}; remove it", outputs.sums.display()));
+        std::fs::remove_file(&outputs.sums).map_err(refuse)?;
+    }
     match outputs.sums.exists() && args.resume {
         true => Film::resume(&outputs.sums, of, args.width, args.height).map_err(failed),
         false => Film::new(args.width, args.height).map_err(failed),
@@ -219,7 +234,10 @@ pub fn shoot(
         return Err(failure);
     }
     if let Err(error) = outcome {
-        save(&film)?;
+        // A film without samples has nothing to go on with.
+        if film.samples() > 0 {
+            save(&film)?;
+        }
         return Err(failed(error));
     }
     let time = bar.finish();

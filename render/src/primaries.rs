@@ -88,7 +88,8 @@ mod tests {
     const AP0: Primaries = Primaries([[0.7347, 0.2653], [0.0, 1.0], [0.0001, -0.077], [0.32168, 0.33767]]);
     const XYZ: Primaries = Primaries([[1.0, 0.0], [0.0, 1.0], [0.0, 0.0], [1.0 / 3.0, 1.0 / 3.0]]);
 
-    /// The published matrices: ITU-R BT.2087 (from BT.2020), and the ACES transforms to Rec. 709 with Bradford.
+    /// The published matrices: ITU-R BT.2087 (from BT.2020), and the ACES transforms to Rec. 709 with
+    /// Bradford's.
     #[test]
     fn matrices_are_the_published_ones() {
         for (primaries, rows) in [

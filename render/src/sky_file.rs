@@ -1,4 +1,5 @@
-//! Skies from files: their limits, invalid radiances and primaries; Radiance pictures. `sky_exr.rs` has OpenEXR.
+//! Skies from files: their limits, invalid radiances and primaries; Radiance pictures. OpenEXR is in
+//! `sky_exr.rs`.
 
 use crate::primaries::Primaries;
 use crate::room::{check_room, open_file};

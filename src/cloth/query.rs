@@ -133,8 +133,10 @@ pub struct ClothQuery<'a, const N: usize> {
     /// ply radius.
     pub models: [Option<&'a PlyModel>; 2],
     /// Diameter of the part of the cloth that the point stands for [um], as of a pixel: from half a cell on
-    /// the mean over the cell takes part, and beyond a cell it is all. 0 for a point. Cloths loaded without
-    /// [`ClothOptions::far`], and points with models of their own, do without.
+    /// the mean over the cell takes part, and beyond a cell it is all. 0 for a point. The mean needs
+    /// [`ClothOptions::far`] when the cloth is loaded, which is off by default, and a file that has it:
+    /// [`crate::ClothModel::has_far`] says so. Without, and at points with models of their own, a footprint
+    /// blurs relief and speckle alone.
     pub footprint_um: f32,
 }
 

@@ -84,12 +84,8 @@ const MAX_STRIPES: usize = 4096;
 const STRIPES: Custom = Custom {
     expected: "stripes, each a count of yarns and a color",
     check: |file, key, value| {
-        const HINT: &str = "use stripes such as [{ count = 12, srgb = [0.1, 0.2, 0.5] }, ...], 4096 yarns at most";
-        let is_color = |v: &Value| {
-            let number = |v: &Value| v.as_float().or(v.as_integer().map(|v| v as f64));
-            let inside = |v: &Value| number(v).is_some_and(|v| (0.0..=1.0).contains(&v));
-            v.as_array().is_some_and(|v| v.len() == 3 && v.iter().all(inside))
-        };
+        const HINT: &str = "use stripes such as [{ count = 12, srgb = [0.1, 0.2, 0.5] }, { count = 4, srgb = \"#e6e6e6\" }], 4096 yarns at most";
+        let is_color = |v: &Value| crate::color::srgb_of_value(v).is_some();
         let count = |v: &Value| {
             let stripe = v.as_table().filter(|t| t.len() == 2 && t.get("srgb").is_some_and(is_color))?;
             usize::try_from(stripe.get("count")?.as_integer()?).ok().filter(|n| (1..=MAX_STRIPES).contains(n))

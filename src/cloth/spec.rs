@@ -154,7 +154,7 @@ pub struct YarnOfCloth {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub uneven_mm: Option<f64>,
     /// Color of the yarn [sRGB, 0 to 1].
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(default, skip_serializing_if = "Option::is_none", deserialize_with = "crate::color::optional_srgb")]
     pub srgb: Option<[f64; 3]>,
     /// Colors of the yarns one after the other, which repeat, in place of a color of all.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
@@ -180,6 +180,7 @@ pub struct Stripe {
     /// Number of yarns.
     pub count: usize,
     /// Their color [sRGB, 0 to 1].
+    #[serde(deserialize_with = "crate::color::srgb")]
     pub srgb: [f64; 3],
 }
 

@@ -69,7 +69,7 @@ pub enum Kind {
     Ascending(f64),
     /// Two numbers in a range.
     Pair(f64, f64),
-    /// Three numbers from 0 to 1: red, green, blue.
+    /// A color in a form of [`crate::color::SRGB_FORMS`].
     Srgb,
     /// At least 3 and at most this many `[x, y]` pairs [um], coordinates within the bound.
     Points(usize, f64),
@@ -107,7 +107,7 @@ impl Kind {
                 format!("1 to 32 ascending numbers, the first 0, the next 1e-6 or more, the last up to {max}")
             }
             Kind::Pair(min, max) => format!("two numbers from {min} to {max}"),
-            Kind::Srgb => "three numbers from 0 to 1, red, green and blue".into(),
+            Kind::Srgb => crate::color::SRGB_FORMS.into(),
             Kind::Points(count, max) => format!("3 to {count} pairs [x, y] within {max} um of the origin"),
             Kind::Letters => "a table of texts by capital letters, such as { A = \"a.pwm\", B = \"b.pwm\" }".into(),
             Kind::Table(_) => format!("a table, [{key}]"),
@@ -138,7 +138,7 @@ impl Kind {
                     && x[x.len() - 1] <= *max
             }
             Kind::Pair(min, max) => list().len() == 2 && list().iter().all(|x| within(x, *min, *max)),
-            Kind::Srgb => list().len() == 3 && list().iter().all(|x| within(x, 0.0, 1.0)),
+            Kind::Srgb => crate::color::srgb_of_value(value).is_some(),
             Kind::Points(count, max) => {
                 let pair =
                     |v: &Value| v.as_array().is_some_and(|v| v.len() == 2 && v.iter().all(|x| within(x, -max, *max)));

@@ -111,11 +111,16 @@ fn colors_slits_and_unevenness_are_held_together() {
     let spec = |warp: &str| crate::small_cloth::spec([warp, ""]);
     for (warp, expected) in [
         ("srgb = [0.5, 0.06]", "warp.srgb = [0.5, 0.06]: use three numbers"),
-        ("srgb = [255, 6, 12]", "warp.srgb = [255, 6, 12]: use three numbers from 0 to 1"),
+        (
+            "srgb = [256, 6, 12]",
+            "warp.srgb = [256, 6, 12]: use three numbers from 0 to 1, or three whole numbers up to 255",
+        ),
+        ("srgb = [1.5, 0.5, 0.5]", "warp.srgb = [1.5, 0.5, 0.5]: use three numbers"),
+        ("srgb = \"red\"", "or \"#rrggbb\" or \"#rgb\""),
         ("srgb = [0.5, 0.1, 0.1]\nsigma_per_um = 0.1", "warp.sigma_per_um = 0.1: give either srgb or"),
         ("stripes = [{ count = 0, srgb = [1, 0, 0] }]", "warp.stripes = "),
         ("stripes = [{ count = 5000, srgb = [1, 0, 0] }]", "4096 yarns at most"),
-        ("stripes = [{ count = 1, srgb = [1, 0, 2] }]", "use stripes such as"),
+        ("stripes = [{ count = 1, srgb = [1, 0, 2.5] }]", "use stripes such as"),
         ("stripes = [{ count = 1, srgb = [1, 0, 0] }]\nsigma_per_um = 0.1", "warp.stripes = 1 stripes: give either"),
         ("slit_share = 0.2", "warp.slit_share = 0.2: give slit_um"),
         ("uneven_mm = 5.0", "warp.uneven_mm = 5"),
@@ -129,6 +134,14 @@ fn colors_slits_and_unevenness_are_held_together() {
     let spec = ClothSpec::parse(&striped, "striped").unwrap();
     assert_eq!(spec.yarns()[0].stripes.iter().map(|stripe| stripe.count).collect::<Vec<_>>(), [2, 1]);
     assert!(matches!(spec.weave, Some(WeaveSpec::Plain {})));
+    // The forms of one color: in a spec, its color is the same.
+    let red = Some([200.0 / 255.0, 30.0 / 255.0, 40.0 / 255.0]);
+    for form in ["[200, 30, 40]", "\"#c81e28\"", "\"200, 30, 40\""] {
+        let parsed = ClothSpec::parse(&spec(&format!("srgb = {form}")), "red").unwrap();
+        assert_eq!(parsed.yarns()[0].srgb, red, "{form}");
+        let stripe = format!("stripes = [{{ count = 1, srgb = {form} }}]");
+        assert_eq!(ClothSpec::parse(&spec(&stripe), "red").unwrap().yarns()[0].stripes[0].srgb, red.unwrap());
+    }
 }
 
 proptest! {

@@ -109,6 +109,11 @@ pub struct DiffArgs {
     pub max_h_rel: Option<f64>,
 }
 
+/// A color of any form.
+fn srgb(text: &str) -> Result<[f64; 3], String> {
+    plywave::color::srgb_of_text(text).ok_or_else(|| format!("give {}", plywave::color::SRGB_FORMS))
+}
+
 /// `plywave color`.
 #[derive(Debug, Args)]
 #[command(group = clap::ArgGroup::new("wanted").required(true))]
@@ -118,16 +123,11 @@ pub struct ColorArgs {
     /// Light of a cloth that the color describes [default: that of its spec].
     #[arg(long, value_enum, value_name = "WHAT")]
     pub color_of: Option<ColorOfChoice>,
-    /// Target color under D65, encoded sRGB, 0 to 1.
-    #[arg(
-        long,
-        value_name = "R,G,B",
-        num_args = 1,
-        value_delimiter = ',',
-        allow_negative_numbers = true,
-        group = "wanted"
-    )]
-    pub srgb: Vec<f64>,
+    /// Target color under D65, encoded sRGB: three numbers from 0 to 1, three whole numbers up to 255, or
+    /// hexadecimal digits as in '#c81e28', whose # a shell takes for a comment without quotes and which may
+    /// be left out.
+    #[arg(long, value_name = "R,G,B|HEX", allow_hyphen_values = true, group = "wanted", value_parser = srgb)]
+    pub srgb: Option<[f64; 3]>,
     /// Target reflectances from 0.38 to 0.78 um in equal steps; one value for a gray.
     #[arg(long, value_name = "R", num_args = 1..=401, value_delimiter = ',', allow_negative_numbers = true, group = "wanted")]
     pub reflectance: Vec<f64>,

@@ -138,6 +138,9 @@ pub struct RenderArgs {
     /// Continue a render that was stopped or had fewer samples.
     #[arg(long)]
     pub resume: bool,
+    /// Delete the sums of a stopped render and start over.
+    #[arg(long, conflicts_with = "resume")]
+    pub fresh: bool,
     /// Keep the sums, so that --resume can add samples.
     #[arg(long)]
     pub keep_sums: bool,

@@ -38,18 +38,13 @@ struct Report {
 /// Runs the command.
 pub fn run(cli: &Cli, args: &ColorArgs) -> Outcome {
     let (curve, incidence) = curve(cli, args)?;
-    let (flag, values) =
-        if args.srgb.is_empty() { ("--reflectance", &args.reflectance) } else { ("--srgb", &args.srgb) };
-    if let Some(bad) = values.iter().find(|v| !(0.0..=1.0).contains(*v)) {
-        return Err(Failure::input("command line", flag, bad, "must be from 0 to 1"));
+    if let Some(bad) = args.reflectance.iter().find(|v| !(0.0..=1.0).contains(*v)) {
+        return Err(Failure::input("command line", "--reflectance", bad, "must be from 0 to 1"));
     }
-    if flag == "--srgb" && values.len() != 3 {
-        return Err(Failure::input("command line", flag, values.len(), "give three values, red, green and blue"));
-    }
-    let smooth = (flag == "--srgb").then(|| SmoothReflectance::of_srgb([values[0], values[1], values[2]]));
+    let smooth = args.srgb.map(SmoothReflectance::of_srgb);
     let reflectance = |lambda: f64| match &smooth {
         Some(smooth) => smooth.at(lambda),
-        None => steps(values, lambda),
+        None => steps(&args.reflectance, lambda),
     };
     let (sigma, [clear, dark]) = SigmaSpectrum::of_reflectance(&curve, reflectance);
     let albedo = |lambda: f64| curve.albedo(f64::from(sigma.at(lambda as f32)));

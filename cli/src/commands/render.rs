@@ -50,6 +50,7 @@ pub fn run(cli: &Cli, args: &RenderArgs) -> Outcome {
     inputs.extend(args.sky.iter().map(|s| ("sky", s.clone())));
     let read: Vec<&Path> = inputs.iter().chain(&named).map(|(_, path)| path.as_path()).collect();
     let _held = outputs.hold(&read)?;
+    outputs.check_sums(args)?;
     let without = |part: ClothPart| args.without.contains(&part);
     let options = ClothOptions {
         gaps: if args.straight_gaps { GapLight::Straight } else { GapLight::Diffracted },

@@ -44,6 +44,7 @@ pub fn run(cli: &Cli, args: &RenderArgs) -> Outcome {
     inputs.extend(args.sky.iter().map(|s| ("sky".to_string(), s.clone())));
     let read: Vec<&Path> = inputs.iter().map(|(_, path)| path.as_path()).collect();
     let _held = outputs.hold(&read)?;
+    outputs.check_sums(args)?;
     let mut notes = Vec::new();
     let sky = crate::rendering::sky(args, &mut notes)?;
     let Loaded { scene, camera: own, notes: told, included } = spec.load_scene(sky)?;

@@ -103,12 +103,14 @@ impl StrandSpec {
             }
             (None, file) => {
                 let path = self.folder.join(file.as_deref().unwrap_or(Path::new("")));
-                let is_hair = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("hair"));
+                // Both have the points of whole strands.
+                let is_whole = |ending: &str| path.extension().is_some_and(|e| e.eq_ignore_ascii_case(ending));
+                let is_whole = ["hair", "obj"].into_iter().any(is_whole);
                 let how = StrandFile {
                     basis,
                     mm_per_unit: s.mm_per_unit.unwrap_or(1.0),
                     radius_mm: s.radius_um.map(|r| 1e-3 * r),
-                    whole: s.whole.unwrap_or(is_hair),
+                    whole: s.whole.unwrap_or(is_whole),
                 };
                 plywave_render::Strands::load(&path, &how).map_err(failed)?
             }

@@ -1,6 +1,7 @@
-//! Renders reproduce requested colors, in each meaning, for cloths that ship.
+//! Renders reproduce requested colors, in each meaning, for cloths that ship; colors are read in each form.
 
 use crate::cloths::cloth;
+use crate::common::{folder, json, refused, succeed};
 use glam::Vec3;
 use plywave::cloth::{ClothOptions, ColorOf, ColorReach, YarnColor};
 use plywave::color::{SmoothReflectance, delta_e_2000, white_d65, xyz_of_reflectance};
@@ -162,4 +163,26 @@ mod colors_come_out_as_asked_for {
 fn thirty_colors_come_out_as_asked_for() {
     // 2.89 was measured, of jersey.
     CLOTHS.iter().for_each(|name| assert!(differences(name, 30, 128) < 2.0));
+}
+
+/// sRGB of 200, 30, 40 over 255, in each form that people have; what is none of them is refused by the forms.
+#[test]
+fn colors_are_read_in_each_form() {
+    let folder = folder();
+    let dir = folder.path();
+    let color = |form: &str| json(&succeed(dir, &["color", "silk", "--srgb", form, "--json"]));
+    let shares = color("0.7843137254901961,0.11764705882352941,0.1568627450980392");
+    for form in ["200,30,40", "#c81e28", "C81E28"] {
+        assert_eq!(color(form), shares, "{form}");
+    }
+    // Its spectrum has that color: CIE sums over 5 nm, encoded by IEC 61966-2-1.
+    for (k, want) in [200.0, 30.0, 40.0].into_iter().enumerate() {
+        let got = shares["srgb_asked"][k].as_f64().unwrap();
+        assert!((got - want / 255.0).abs() < 0.005, "{got}, want {}", want / 255.0);
+    }
+    assert_eq!(color("#abc"), color("170,187,204"));
+    for bad in ["red", "#ab", "300,0,0", "0.5,0.5,1.5", "-1,0,0", "0.5,0.5"] {
+        let words = [bad, "--srgb", "three numbers from 0 to 1", "whole numbers up to 255", "#rrggbb"];
+        refused(dir, &["color", "silk", "--srgb", bad], &words);
+    }
 }

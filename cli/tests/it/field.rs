@@ -3,7 +3,7 @@
 //! The values are closed forms, series of Bessel functions or counts by hand; none comes from the program.
 //! Siblings of the cases stand beside the code that reads them.
 
-use crate::common::{json, run, succeed, text, write_cloth};
+use crate::common::{STRANDS, json, refused, run, succeed, text, write_cloth};
 use exr::prelude::{ReadChannels, ReadLayers};
 use std::path::Path;
 
@@ -134,6 +134,55 @@ fn sky_files() {
     let said = render_cloth(folder.path(), &small("negative.exr"));
     assert!(said.contains("note") && said.contains("-0.0001"), "{said}");
     render_cloth(folder.path(), &small("layer.exr"));
+}
+
+#[test]
+fn sky_primaries() {
+    let folder = case("sky_primaries");
+    // A strand behind the camera: the picture is of the sky alone.
+    let scene = STRANDS.replace("to_mm = [0.0, 0.0, 1.0]", "to_mm = [0.0, -60.0, 40.0]");
+    std::fs::write(folder.path().join("scene.toml"), scene).unwrap();
+    for (sky, want) in [("xyz_grey.exr", [0.5; 3]), ("primaries.hdr", [0.8525, 0.0, 0.0])] {
+        let size = ["--width", "32", "--height", "32", "--samples", "64", "-o", "o.exr"];
+        let said = succeed(folder.path(), &[&["render", "scene.toml", "--sky", sky], &size[..]].concat());
+        assert!(said.contains("converted from its own primaries"), "{said}");
+        for (name, want) in ["R", "G", "B"].into_iter().zip(want) {
+            let got = mean(&folder.path().join("o.exr"), name);
+            assert!((got - want).abs() < 0.01, "{sky}: {name} is {got}, {want} is right");
+        }
+    }
+}
+
+#[test]
+fn exr_display_window() {
+    let folder = case("exr_display_window");
+    let small = ["--width", "8", "--height", "8", "--samples", "1"];
+    let args = [&["render", "scene.toml", "--sky", "sky.exr"], &small[..]].concat();
+    refused(folder.path(), &args, &["sky.exr", "8355810 x 16", "twice as wide as high"]);
+}
+
+#[test]
+fn hair_three_columns() {
+    let folder = case("hair_three_columns");
+    let dir = folder.path();
+    let said = render_strands(dir, "64", "16");
+    assert!(said.contains("2 strands"), "{said}");
+    // 64 pixels are 21.4 mm at the strands: one at x = 0, 1.8 pixels wide, and one 6 pixels beside it.
+    let columns = columns_with_strands(dir);
+    let near = |at: f64| columns.iter().filter(|x| (**x as f64 + 0.5 - at).abs() < 2.0).count();
+    assert!(near(32.0) >= 2 && near(37.97) >= 2 && near(32.0) + near(37.97) == columns.len(), "{columns:?}");
+    let scene = std::fs::read_to_string(dir.join("scene.toml")).unwrap();
+    std::fs::write(dir.join("scene.toml"), scene.replace("radius_um = 300\n", "")).unwrap();
+    refused(dir, &["render", "scene.toml"], &["strands.txt", "line 1", "strands.radius_um"]);
+    // The same strands as lines of an OBJ.
+    let text = std::fs::read_to_string(dir.join("strands.txt")).unwrap();
+    let points: Vec<&str> = text.lines().filter(|line| !line.is_empty()).collect();
+    let vertices: String = points.iter().map(|point| format!("v {point}\n")).collect();
+    let lines = "l 1 2 3 4 5 6 7\nl 8 9 10 11 12 13 14\n";
+    std::fs::write(dir.join("strands.obj"), format!("{vertices}{lines}")).unwrap();
+    std::fs::write(dir.join("scene.toml"), scene.replace("strands.txt", "strands.obj")).unwrap();
+    let said = render_strands(dir, "64", "16");
+    assert!(said.contains("2 strands") && columns_with_strands(dir) == columns, "{said}");
 }
 
 /// C_sca and C_ext of TM and TE, as `wave scatter` prints them.

@@ -255,8 +255,43 @@ fn renders_have_their_outputs_for_themselves() {
     succeed(dir, &shot("b.png", "1"));
     first.kill().unwrap();
     first.wait().unwrap();
-    succeed(dir, &shot("a.png", "1"));
+    // On a slow machine it has left sums.
+    succeed(dir, &[&shot("a.png", "1")[..], &["--fresh"]].concat());
     assert!(!names(dir).iter().any(|name| name.ends_with(".lock")), "{:?}", names(dir));
+}
+
+/// The sums of a stopped render are neither thrown away nor used unasked.
+#[test]
+fn sums_of_a_stopped_render_are_kept_until_somebody_says() {
+    let folder = folder();
+    let dir = folder.path();
+    std::fs::write(dir.join("few.toml"), STRANDS).unwrap();
+    let shot = ["render", "few.toml", "--width", "8", "--height", "8", "--quiet", "-o", "a.png"];
+    // Renders until it has samples, and stops it; gives the last line that it says.
+    let stop = |more: &[&str]| {
+        let args = [&shot[..], &["--samples", "1000000"], more].concat();
+        let child = plywave(dir, &args).stderr(Stdio::piped()).spawn().unwrap();
+        std::thread::sleep(Duration::from_secs(2));
+        assert!(Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap().success());
+        let output = child.wait_with_output().unwrap();
+        assert_eq!(output.status.code(), Some(130), "{}", text(&output.stderr));
+        text(&output.stderr)
+    };
+    let said = stop(&[]);
+    assert!(said.contains("go on with: plywave render few.toml") && said.contains("--resume"), "{said}");
+    let sums = bytes(dir, "a.sums");
+    crate::common::refused(dir, &[&shot[..], &["--samples", "1"]].concat(), &["a.sums", "--resume", "--fresh"]);
+    assert!(bytes(dir, "a.sums") == sums && !dir.join("a.png").exists());
+    crate::common::refused(dir, &[&shot[..], &["--resume", "--fresh"]].concat(), &["--resume", "--fresh"]);
+    // Started over, and stopped again: what to go on with is not started over a second time.
+    let said = stop(&["--fresh", "--seed", "2"]);
+    assert!(said.contains("--seed 2") && said.contains("--resume") && !said.contains("--fresh"), "{said}");
+    assert!(bytes(dir, "a.sums") != sums);
+    succeed(dir, &[&shot[..], &["--samples", "3", "--fresh"]].concat());
+    assert!(!dir.join("a.sums").exists());
+    let started_over = bytes(dir, "a.exr");
+    succeed(dir, &[&shot[..], &["--samples", "3"]].concat());
+    assert!(bytes(dir, "a.exr") == started_over, "started over, the picture is another");
 }
 
 /// Interrupts a command as soon as it listens to that; gives its exit code and what it said.

@@ -118,7 +118,8 @@ fn what_is_taken_otherwise_is_told() {
     std::fs::write(dir.join("more.pbrt"), curve.replace("width0\" 1", "width0\" 2")).unwrap();
     refused(dir, &[&args[..], &["--resume"]].concat(), &["few.sums", "not the same included file"]);
     std::fs::write(dir.join("main.pbrt"), "Include \"gone.pbrt\"").unwrap();
-    refused(dir, &args, &["main.pbrt: line 1: Include \"gone.pbrt\""]);
+    refused(dir, &[&args[..], &["--fresh"]].concat(), &["main.pbrt: line 1: Include \"gone.pbrt\""]);
+    assert!(dir.join("few.sums").exists(), "a render that did not begin has deleted sums");
 }
 
 #[test]
