@@ -233,6 +233,9 @@ fn light<'a, const N: usize>(
                 // Less than nothing where bent yarns send out more than straight ones.
                 caught[cause][k] = sent[cause] * min(max(per * of[cause], -energy[k]), energy[k]);
                 at.caught[k] += caught[cause][k];
+                if class % CLASSES_A_KIND < PLY_CLASSES {
+                    at.caught_of_plies[kind][k] += caught[cause][k];
+                }
             }
         }
         for cause in 0..2 {
@@ -286,8 +289,9 @@ pub(crate) struct BetweenAt<'a, const N: usize> {
     pub energy: [[f32; N]; 2],
     /// `[kind][leaves up, down]`: of that, what yarns of the kind alone have scattered.
     parallel: [[[f32; N]; 2]; 2],
-    /// What other yarns catch of the first ply's light.
+    /// What other yarns catch of the first ply's light, and of the light of plies of each kind.
     pub caught: [f32; N],
+    pub caught_of_plies: [[f32; N]; 2],
     /// `[kind][leaves up, down]`: cones, and shares of the samples.
     cones: [[Option<(ConeAt<'a>, f32)>; 2]; 2],
     /// `[leaves up, down][pair]`, of which each wavelength has a mean.
@@ -304,6 +308,7 @@ impl<'a, const N: usize> BetweenAt<'a, N> {
             energy: [[0.0; N]; 2],
             parallel: [[[0.0; N]; 2]; 2],
             caught: [0.0; N],
+            caught_of_plies: [[0.0; N]; 2],
             cones: [[None; 2]; 2],
             shapes: None,
             corners: [[(0, 0.0); 4]; N],

@@ -5,16 +5,20 @@
 //! cylinder's light keeps near the cone `theta_o = -theta_i`, so that the table has theta_o on nodes about
 //! that cone which move with theta_i: entries at neighboring theta_i then hold the same feature. Entries are
 //! the cloth's own f (`bsdf.rs`), its shadows included, at places spread evenly over the cell, at nodes of
-//! absorption; between the nodes they are linear. The light between yarns is that of the mean energies
-//! (`between.rs`), which are a function of the direction to begin with. What passes all plies is diffracted
-//! by a few apertures that stand for those of the cell. The tables are of a cloth without hairs, whose layer
-//! (`hair_layer.rs`) is added to the mean.
+//! absorption, times cos theta_o; between the nodes they are linear. The light between yarns is that of the
+//! mean energies (`between.rs`), which are a function of the direction to begin with. What passes all plies
+//! is diffracted by a few apertures that stand for those of the cell. The tables are of a cloth without
+//! hairs, whose layer (`hair_layer.rs`) is added to the mean.
 //!
-//! Energies are those of the means, in as far as the table's integrals are; sim/tests/it/cloth_model.rs has
-//! them beside the mean of many places. The mean is as reciprocal as the cloth.
+//! Energy. With theta_o = -theta_i + t |t|^(1/2) w, w the angle from the cone to the axis on its side, the
+//! integral of f is `sum over the sides of w integral f cos theta_o d(t |t|^(1/2)) dphi`: of entries that hold
+//! the cosine it is w times a fixed sum of them, exact between views too. Of the light that first plies
+//! scatter, [`BetweenAt`] says what other plies catch; the rest leaves straight from its ply. f of each kind
+//! is scaled to that rest, so that no light is made or lost between the nodes of the table
+//! (sim/tests/it/cloth_energy.rs). The mean is as reciprocal as the cloth.
 
 use super::between::{BetweenAt, CLASSES, CLASSES_A_KIND, PLY_CLASSES};
-use super::hair_layer::HairsAt;
+use super::hair_layer::{HairLayer, HairsAt};
 use super::plies::Runs;
 use super::query::ClothQuery;
 use crate::gap::{GapAt, Opening};
@@ -41,6 +45,8 @@ pub(crate) const VIEWS: usize = 2 * SIDE * ROWS;
 /// Azimuths of the light, evenly, and steps of its latitude to each side of the cone.
 pub(crate) const COLUMNS: usize = 24;
 const STEPS: usize = 8;
+/// Least cosine of the light's latitude: nearer to the axis, f is that of there.
+const MIN_COSINE: f32 = 0.02;
 pub(crate) const NODES: usize = 2 * STEPS + 1;
 pub(crate) const CELLS: usize = COLUMNS * (NODES - 1);
 /// Apertures that stand for those of the repeat.
@@ -49,6 +55,8 @@ pub(crate) const APERTURES: usize = 3;
 pub(crate) type Openings = [Option<Opening>; APERTURES];
 /// Numbers of a view's openings in a table.
 pub(crate) const OPENING_NUMBERS: usize = 1 + 3 * APERTURES;
+/// A kind whose plies send less straight out of the cloth is not scaled.
+const MIN_ENERGY: f32 = 1e-6;
 /// Share of the samples of plies' light that is even over the sphere.
 const EVEN: f32 = 0.02;
 
@@ -180,12 +188,13 @@ pub(crate) struct Seen {
 /// Of one kind.
 #[derive(Clone, Debug)]
 struct Plies {
-    /// `[view][column][q][SIGMAS]`.
+    /// `[view][column][q][SIGMAS]`: f times the cosine of the light's latitude.
     f: Vec<[f32; SIGMAS]>,
     /// `[view][clear, dark][cell]`: sums of the energies up to a cell's end, of all 1.
     chances: Vec<f32>,
-    /// `[view][SIGMAS]`: integral of f.
-    energy: Vec<[f32; SIGMAS]>,
+    /// `[view][side of the cone][SIGMAS]`: integral of f, of what passes the hairs, over the angle from the
+    /// cone to the axis.
+    energy: Vec<[[f32; SIGMAS]; 2]>,
     /// `[view][class of the kind][SIGMAS]`.
     first: Vec<[[f32; SIGMAS]; PLY_CLASSES]>,
 }
@@ -245,26 +254,66 @@ impl FarData {
     }
 }
 
+/// Integrals of a cell from q to q + 1 of the functions that fall from 1 to 0 and rise from 0 to 1 over it,
+/// times the growth of t |t|^(1/2) with q.
+fn cell_weights(q: usize) -> [f32; 2] {
+    let steps = STEPS as f64;
+    // The end nearer to the cone: the growth is 1.5 (x / STEPS)^(1/2) / STEPS, x steps from it.
+    let (near, is_above) = if q < STEPS { (STEPS - 1 - q, false) } else { (q - STEPS, true) };
+    let [x, y] = [near, near + 1].map(|x| x as f64);
+    let all = (y / steps).powf(1.5) - (x / steps).powf(1.5);
+    let first = 0.6 * steps.powf(-1.5) * (y.powf(2.5) - x.powf(2.5));
+    let [near, away] = [y * all - first, first - x * all].map(|w| w as f32);
+    if is_above { [near, away] } else { [away, near] }
+}
+
+/// Angles from the cone to the axis, on its sides.
+fn widths(theta_i: f32) -> [f32; 2] {
+    [FRAC_PI_2 - theta_i, FRAC_PI_2 + theta_i]
+}
+
+/// Cosine of the latitude of light, as entries have it.
+fn cosine_of(theta: f32) -> f32 {
+    theta.cos().max(MIN_COSINE)
+}
+
 impl Far {
-    /// Of its tables.
-    pub(crate) fn new(data: FarData) -> Far {
+    /// Of its tables, under hairs.
+    pub(crate) fn new(data: FarData, hairs: Option<&HairLayer>) -> Far {
         let kind = |k: usize| {
-            let f = data.f.chunks_exact(VIEWS * COLUMNS * NODES).nth(k).unwrap_or_default();
-            let (mut chances, mut energy) = (Vec::new(), Vec::new());
-            for (number, view) in f.chunks_exact(COLUMNS * NODES).enumerate() {
+            let of = data.f.chunks_exact(VIEWS * COLUMNS * NODES).nth(k).unwrap_or_default();
+            let (mut f, mut chances, mut energy) = (of.to_vec(), Vec::new(), Vec::new());
+            let weights: [[f32; 2]; NODES - 1] = std::array::from_fn(cell_weights);
+            for (number, view) in f.chunks_exact_mut(COLUMNS * NODES).enumerate() {
                 let theta_i = THETA_I_DEG[number % ROWS].to_radians();
+                let cosines: [f32; NODES] = std::array::from_fn(|q| cosine_of(theta_of(theta_i, q as f32)));
+                // What passes the hairs.
+                let mut free = view.to_vec();
+                for (i, (f, free)) in view.iter_mut().zip(&mut free).enumerate() {
+                    *f = f.map(|f| f * cosines[i % NODES]);
+                    let toward = || {
+                        let phi = TAU * (i / NODES) as f32 / COLUMNS as f32;
+                        direction(data.runs[k], theta_of(theta_i, (i % NODES) as f32), phi)
+                    };
+                    let passes = hairs.map_or(1.0, |hairs| hairs.passes(toward()));
+                    *free = f.map(|f| f * passes);
+                }
                 let mut cells = Vec::with_capacity(CELLS);
-                let mut whole = [0.0; SIGMAS];
+                let mut sides = [[0.0; SIGMAS]; 2];
                 for cell in 0..CELLS {
                     let (column, q) = (cell / (NODES - 1), cell % (NODES - 1));
-                    let omega = solid_angle(theta_i, q);
-                    let at = |column: usize, q: usize| &view[column % COLUMNS * NODES + q];
-                    let corners = [at(column, q), at(column, q + 1), at(column + 1, q), at(column + 1, q + 1)];
-                    let mean: [f32; SIGMAS] =
-                        std::array::from_fn(|s| 0.25 * omega * corners.iter().map(|f| f[s]).sum::<f32>());
-                    (0..SIGMAS).for_each(|s| whole[s] += mean[s]);
-                    cells.push((omega / (4.0 * PI), mean));
+                    let at = |column: usize, q: usize| &free[column % COLUMNS * NODES + q];
+                    let side = usize::from(q >= STEPS);
+                    let share = 0.5 * TAU / COLUMNS as f32;
+                    let mean: [f32; SIGMAS] = std::array::from_fn(|s| {
+                        let of = |i: usize| share * weights[q][i] * (at(column, q + i)[s] + at(column + 1, q + i)[s]);
+                        of(0) + of(1)
+                    });
+                    (0..SIGMAS).for_each(|s| sides[side][s] += mean[s]);
+                    cells.push((solid_angle(theta_i, q) / (4.0 * PI), mean.map(|e| e * widths(theta_i)[side])));
                 }
+                let whole: [f32; SIGMAS] =
+                    std::array::from_fn(|s| (0..2).map(|side| widths(theta_i)[side] * sides[side][s]).sum());
                 for s in [0, SIGMAS - 1] {
                     let mut sum = 0.0;
                     for (even, mean) in &cells {
@@ -273,10 +322,10 @@ impl Far {
                         chances.push(sum);
                     }
                 }
-                energy.push(whole);
+                energy.push(sides);
             }
             let first = data.first.chunks_exact(VIEWS).nth(k).unwrap_or_default().to_vec();
-            Plies { f: f.to_vec(), chances, energy, first }
+            Plies { f, chances, energy, first }
         };
         let kinds = [kind(0), kind(1)];
         let FarData { runs, passing, openings, .. } = data;
@@ -302,38 +351,53 @@ impl Far {
         let tables = [
             of(&|p| p.f.as_flattened().to_vec()),
             of(&|p| p.chances.clone()),
-            of(&|p| p.energy.as_flattened().to_vec()),
+            of(&|p| p.energy.as_flattened().as_flattened().to_vec()),
             of(&|p| p.first.iter().flat_map(|of| of.as_flattened().to_vec()).collect()),
             self.passing.clone(),
         ];
         (tables, FarData::opening_numbers(&self.openings))
     }
 
-    /// Seen from `wo`, for the absorptions of warp and weft.
-    pub(crate) fn at<const N: usize>(&self, wo: [f32; 3], dyes: [&Mixed<N>; 2]) -> PliesAt<'_, N> {
+    /// Seen from `wo`, for the absorptions of warp and weft; f has the table's own energies, of what passes the
+    /// hairs over it, until [`PliesAt::conserve`]. Then the energy that passes all plies, and the apertures that
+    /// it passes.
+    ///
+    /// What clear plies of both kinds scatter and what passes are interpolated between views about different
+    /// axes; together they are the beam, 1, to which they are scaled.
+    pub(crate) fn at<const N: usize>(&self, wo: [f32; 3], dyes: [&Mixed<N>; 2]) -> (PliesAt<'_, N>, f32, &Openings) {
         let sigma = dyes.map(|dye| dye.weights);
         let around = self.runs.map(|runs| views(runs, wo));
-        let mut at =
-            PliesAt { far: self, around, sigma, energy: [[0.0; N]; 2], first: [[0.0; N]; CLASSES], dark: [0.0; 2] };
+        let mut at = PliesAt {
+            far: self,
+            around,
+            sigma,
+            energy: [[0.0; N]; 2],
+            scale: [[1.0; N]; 2],
+            first: [[0.0; N]; CLASSES],
+            dark: [0.0; 2],
+        };
+        let mut clear = 0.0;
         for k in 0..2 {
-            let (views, shares, _) = around[k];
+            let (views, shares, theta_i) = around[k];
             let plies = &self.kinds[k];
             if plies.f.is_empty() {
                 continue;
             }
+            let mut energy = [0.0; SIGMAS];
             for (view, share) in views.into_iter().zip(shares) {
+                clear += share * plies.first[view].iter().map(|of| of[0]).sum::<f32>();
+                for (side, width) in plies.energy[view].iter().zip(widths(theta_i)) {
+                    (0..SIGMAS).for_each(|s| energy[s] += share * width * side[s]);
+                }
                 for n in 0..N {
-                    at.energy[k][n] += share * dot(&plies.energy[view], &sigma[k][n]);
                     for class in 0..PLY_CLASSES {
                         at.first[CLASSES_A_KIND * k + class][n] += share * dot(&plies.first[view][class], &sigma[k][n]);
                     }
                 }
             }
+            at.energy[k] = sigma[k].map(|sigma| dot(&energy, &sigma));
             // Samples: of dark fibers by their share of the light.
-            let mean = |s: usize| -> f32 {
-                views.iter().zip(shares).map(|(view, share)| share * plies.energy[*view][s]).sum()
-            };
-            let (clear, dark) = (mean(0), mean(SIGMAS - 1));
+            let (clear, dark) = (energy[0], energy[SIGMAS - 1]);
             let energy = at.energy[k].iter().sum::<f32>() / N.max(1) as f32;
             at.dark[k] = if energy > 0.0 {
                 ((clear - energy) / (clear - dark).max(1e-9) * dark / energy).clamp(0.0, 1.0)
@@ -341,15 +405,12 @@ impl Far {
                 0.0
             };
         }
-        at
-    }
-
-    /// Energy that passes from `wo`, and the apertures that it passes.
-    pub(crate) fn passing(&self, wo: [f32; 3]) -> (f32, &Openings) {
-        let (views, shares, _) = views(self.runs[0], wo);
-        let passing = views.iter().zip(shares).map(|(view, share)| share * self.passing[*view]).sum();
+        let (views, shares, _) = around[0];
+        let passing: f32 = views.iter().zip(shares).map(|(view, share)| share * self.passing[*view]).sum();
+        let per = 1.0 / (clear + passing).max(MIN_ENERGY);
+        at.first.as_flattened_mut().iter_mut().for_each(|energy| *energy *= per);
         let nearest = (0..4).max_by(|a, b| shares[*a].total_cmp(&shares[*b])).map_or(0, |i| views[i]);
-        (passing, &self.openings[nearest])
+        (at, per * passing, &self.openings[nearest])
     }
 }
 
@@ -365,8 +426,9 @@ pub(crate) struct PliesAt<'a, const N: usize> {
     around: [([usize; 4], [f32; 4], f32); 2],
     /// `[kind][wavelength]`: shares of the nodes of absorption.
     sigma: [[[f32; SIGMAS]; N]; 2],
-    /// `[kind]`: energy that leaves the cloth straight from its plies.
+    /// `[kind]`: energy that leaves the cloth straight from its plies, and factors on f.
     pub energy: [[f32; N]; 2],
+    scale: [[f32; N]; 2],
     /// `[class]`: energies that first plies scatter.
     pub first: [[f32; N]; CLASSES],
     /// `[kind]`: share of the samples that is drawn as for dark fibers.
@@ -374,6 +436,19 @@ pub(crate) struct PliesAt<'a, const N: usize> {
 }
 
 impl<const N: usize> PliesAt<'_, N> {
+    /// Scales f of each kind to what its first plies scatter and other plies do not catch.
+    pub(crate) fn conserve(&mut self, energy: [[f32; N]; 2]) {
+        for k in 0..2 {
+            for n in 0..N {
+                let own = energy[k][n].max(0.0);
+                if self.energy[k][n] > MIN_ENERGY {
+                    self.scale[k][n] = own / self.energy[k][n];
+                    self.energy[k][n] = own;
+                }
+            }
+        }
+    }
+
     /// Adds f in a direction, and the density of a kind's samples times its chance.
     pub(crate) fn add(&self, b: [f32; 3], chances: [f32; 2], f: &mut [f32; N], pdf: &mut f32) {
         for k in 0..2 {
@@ -413,8 +488,9 @@ impl<const N: usize> PliesAt<'_, N> {
                 };
                 density += share * ((1.0 - self.dark[k]) * chance(0) + self.dark[k] * chance(1));
             }
+            let per_cosine = 1.0 / cosine_of(theta);
             for n in 0..N {
-                f[n] += dot(&sum, &self.sigma[k][n]);
+                f[n] += self.scale[k][n] * per_cosine * dot(&sum, &self.sigma[k][n]);
             }
             *pdf += chances[k] * density / solid_angle(theta_i, row).max(1e-12);
         }
@@ -452,9 +528,8 @@ pub(crate) struct FarAt<'a, const N: usize> {
     /// Energy that passes all plies, and the apertures that diffract it; straight on without.
     pub passing: f32,
     pub gaps: [Option<GapAt<'a, N>>; APERTURES],
-    /// The hairs over the cloth, and the share of the beam that passes them to the plies.
+    /// The hairs over the cloth.
     hairs: Option<HairsAt<'a, N>>,
-    free: f32,
     /// Energies that first plies and hairs scatter.
     first: [f32; N],
     /// Chances of warp and weft, light between yarns that leaves up and down, diffracted light; the rest goes
@@ -470,9 +545,8 @@ impl<'a, const N: usize> FarAt<'a, N> {
         mut hairs: Option<HairsAt<'a, N>>,
         first: [f32; N],
     ) -> Self {
-        let free = hairs.as_ref().map_or(1.0, HairsAt::passes);
         let mean = |x: &[f32; N]| x.iter().sum::<f32>() / N.max(1) as f32;
-        let [warp, weft] = plies.energy.map(|e| free * mean(&e));
+        let [warp, weft] = plies.energy.map(|e| mean(&e));
         let [up, down] = between.energy.map(|e| mean(&e));
         let of_hairs = hairs.as_ref().map_or([0.0; 2], |hairs| hairs.out().map(|out| mean(&out)));
         let all = warp + weft + up + down + of_hairs[0] + of_hairs[1] + passing;
@@ -482,7 +556,7 @@ impl<'a, const N: usize> FarAt<'a, N> {
             hairs.set_chances(of_hairs.map(|e| e * per));
         }
         let chances = [warp, weft, up, down, diffracted].map(|e| e * per);
-        FarAt { plies, between, passing, gaps, hairs, free, first, chances }
+        FarAt { plies, between, passing, gaps, hairs, first, chances }
     }
 
     fn is_diffracted(&self) -> bool {
@@ -512,7 +586,7 @@ impl<'a, const N: usize> FarAt<'a, N> {
         let (mut own, mut density) = ([0.0; N], self.between.pdf([self.chances[2], self.chances[3]], b));
         self.plies.add(b, [self.chances[0], self.chances[1]], &mut own, &mut density);
         if let Some(hairs) = &self.hairs {
-            let free = self.free * hairs.free(b);
+            let free = hairs.free(b);
             own.iter_mut().for_each(|f| *f *= free);
             hairs.add(b, &mut own);
             density += hairs.pdf(b);

@@ -199,12 +199,6 @@ impl<'a, const N: usize> HairsAt<'a, N> {
         [0, 1].map(|kind| [0, 1].map(|behind| self.sides[behind].energy[kind]))
     }
 
-    /// Share of the beam that meets no hair before the plies.
-    pub(crate) fn passes(&self) -> f32 {
-        let [first, second] = self.sides[0].depth;
-        (-first - second).exp()
-    }
-
     /// Share of what passes all plies that meets no hair behind them.
     pub(crate) fn passes_behind(&self) -> f32 {
         let [first, second] = self.sides[1].depth;

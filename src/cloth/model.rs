@@ -7,7 +7,7 @@
 //! wi up to the ply models' own asymmetry, and energy is conserved either way (docs/explain/papers.md:
 //! departures from 7.1).
 
-use super::between::{CLASSES, CLASSES_A_KIND, InterYarn, class, class_of_hairs};
+use super::between::{CLASSES, CLASSES_A_KIND, InterYarn, PLY_CLASSES, class, class_of_hairs};
 use super::bsdf::{ClothBsdf, MAX_NEAR, NearPly, Passes};
 use super::color_of::of_nodes;
 use super::dye::{ColorReach, own_color};
@@ -121,6 +121,8 @@ impl ClothModel {
         };
         let slits = [slit(0)?, slit(1)?];
         let uneven = Uneven::new(&spec, &data.curves, &plies.lattice)?;
+        let hairs = data.hairs.filter(|_| options.shadowing && options.layers).map(Arc::new);
+        let far = data.far.filter(|_| options.far).map(|far| Far::new(FarData { runs, ..far }, hairs.as_deref()));
         let metals = [own_color(&plies.models[0])?, own_color(&plies.models[kind(1)])?];
         let cloth = ClothModel {
             dyes: Dyes::new(&colors, &metals, &curve),
@@ -133,11 +135,11 @@ impl ClothModel {
             options: *options,
             shadows: data.shadows,
             between: InterYarn { runs, ..data.between },
-            hairs: data.hairs.filter(|_| options.shadowing && options.layers).map(Arc::new),
+            hairs,
             slits,
             gaps,
             uneven: Arc::new(if options.uneven { uneven } else { Uneven::default() }),
-            far: data.far.filter(|_| options.far).map(|far| Arc::new(Far::new(FarData { runs, ..far }))),
+            far: far.map(Arc::new),
         };
         Ok(match spec.color_of {
             ColorOf::EvenSky => cloth,
@@ -439,9 +441,8 @@ impl ClothModel {
                 None => self.dyes.each(kind, |dye, share| sigma.add(share, dye.at(query.lambda_um, query.channels))),
             }
         }
-        let plies = far.at(wo, [&sigma[0], &sigma[1]]);
+        let (mut plies, mut passing, openings) = far.at(wo, [&sigma[0], &sigma[1]]);
         let sigma_per_um = sigma.map(|s| s.sigma());
-        let (mut passing, openings) = far.passing(wo);
         let mut firsts: [(usize, [f32; N]); CLASSES] = std::array::from_fn(|class| (class, plies.first[class]));
         let hairs = self.hairs.as_deref().map(|layer| {
             let free = layer.passes(wo);
@@ -455,6 +456,10 @@ impl ClothModel {
             hairs
         });
         let between = self.between.at(wo, &firsts, sigma_per_um, self.sent());
+        plies.conserve([0, 1].map(|kind| {
+            let of_plies = &firsts[CLASSES_A_KIND * kind..][..PLY_CLASSES];
+            std::array::from_fn(|k| of_plies.iter().map(|(_, e)| e[k]).sum::<f32>() - between.caught_of_plies[kind][k])
+        }));
         let first = std::array::from_fn(|k| firsts.iter().map(|(_, energy)| energy[k]).sum());
         let through =
             |opening: Option<Opening>| Some(self.gaps.as_deref()?.apertures().through(opening?, wo, query.lambda_um));

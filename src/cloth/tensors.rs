@@ -42,9 +42,9 @@
 //! | `hair_area` | `[2][2][8]` | of cloths with hairs: by side, kind and cosine, area of the hairs that are seen over that of the cloth (`src/cloth/hair_layer.rs`) |
 //! | `hair_scatter` | `[2][8][16][12][8]` | by kind, cosine of the viewer and of the light, azimuth, absorption: density of the light that a hair scatters |
 //! | `far_phi_i`, `far_theta_i`, `far_sigma` | `[15]`, `[11]`, `[8]` | of the mean over the cell: nodes of a view's azimuth on one side and latitude [degrees], and of absorption [1/um]; these and the next only of cloths loaded with `ClothOptions::far` |
-//! | `far_f` | `[kinds][330][24][17][8]` | by kind and view, azimuth and latitude of the light, absorption |
+//! | `far_f` | `[kinds][330][24][17][8]` | f times the cosine of the light's latitude, by kind and view, azimuth and latitude of the light, absorption |
 //! | `far_chances` | `[kinds][330][2][384]` | sums of the energies up to a part's end, of clear and dark fibers |
-//! | `far_energy`, `far_first` | `[kinds][330][8]`, `[kinds][330][4][8]` | integral of f; energies that first plies scatter, by class |
+//! | `far_energy`, `far_first` | `[kinds][330][2][8]`, `[kinds][330][4][8]` | on both sides of the cone, the integral of f over the angle from it to the axis; energies that first plies scatter, by class |
 //! | `far_passing`, `far_apertures` | `[330]`, `[330][10]` | what passes; how many apertures stand for those of the cell, and of each of three the rows of `apertures` of its axes and by how much they are turned, in 256ths of a right angle |
 
 use super::ClothModel;
@@ -158,7 +158,7 @@ impl ClothModel {
             f32s("far_sigma", &[far::SIGMAS], far::SIGMA_PER_UM.to_vec());
             f32s("far_f", &[kinds, far::VIEWS, far::COLUMNS, far::NODES, far::SIGMAS], f);
             f32s("far_chances", &[kinds, far::VIEWS, 2, far::CELLS], chances);
-            f32s("far_energy", &[kinds, far::VIEWS, far::SIGMAS], energy);
+            f32s("far_energy", &[kinds, far::VIEWS, 2, far::SIGMAS], energy);
             f32s("far_first", &[kinds, far::VIEWS, PLY_CLASSES, far::SIGMAS], first);
             f32s("far_passing", &[far::VIEWS], passing);
             let openings = far.numbers().1;

@@ -8,7 +8,7 @@ from ._kit import clamp
 from ._shadow import two_thirds
 
 TAU = 2.0 * math.pi
-SIGMAS, LENGTH_UM, COUNT, SPLINE_COLUMNS, INTERVALS = 8, 150.0, 168, 24, 5
+SIGMAS, LENGTH_UM, COUNT, SPLINE_COLUMNS, INTERVALS, PLY_CLASSES = 8, 150.0, 168, 24, 5, 4
 # src/cloth/cones.rs: numbers of a cone (width, 16 terms, norms), nodes of the norm.
 CONE, NORMS, MIN_ENERGY = 50, 33, 1e-3
 # src/cloth/between.rs: share of light about cones whose samples are drawn so.
@@ -47,7 +47,7 @@ class Between:
 
     def between(self, a, classes, sigma):
         """Energies that leave up and down, of a beam from ``a`` whose first plies scatter ``classes``, energies by class, in yarns of two kinds of ``sigma``; what
-        ``between_eval`` needs besides; what other yarns catch of the first plies' light."""
+        ``between_eval`` needs besides; what other yarns catch of the first plies' light, and of that of plies alone by kind."""
         kit, n, count = self.kit, self.kit.count, self.classes
         t = polynomials(a)
         terms = few(t)
@@ -81,11 +81,13 @@ class Between:
                 found = dr.select(kit.both(cls <= c, self.some(classes[c])), kit.uint(c), found)
             return found
 
-        def body(given, cls, up, down, all_caught, *parallel):
+        def body(given, cls, up, down, all_caught, of_first, of_second, *parallel):
             classes, fractions, weights = given
             energy = of_class(classes, cls)
             is_first = cls < count // 2
             up, down, all_caught = kit.S(up), kit.S(down), kit.S(all_caught)
+            of_plies = [kit.S(of_first), kit.S(of_second)]
+            is_ply = (cls % (count // 2)) < PLY_CLASSES
             parallel = [kit.S(x) for x in parallel]
             for k in range(n):
                 node = dr.select(is_first, nodes[0][k][0], nodes[1][k][0])
@@ -102,6 +104,8 @@ class Between:
                         continue
                     caught = clamp(per * of[cause], -energy[k], energy[k])
                     all_caught[k] = all_caught[k] + caught
+                    for kind, here in enumerate((is_first, kit.no(is_first))):
+                        of_plies[kind][k] = of_plies[kind][k] + dr.select(kit.both(is_ply, here), caught, 0.0)
                     for half in range(2):
                         at_leaves = (((side * count + cls) * 2 + cause) * 2 + half) * (SIGMAS * SIGMAS)
                         leaves = 0.0
@@ -120,19 +124,19 @@ class Between:
                             up[k] = up[k] + out
                         else:
                             down[k] = down[k] + out
-            return following(cls + 1), up, down, all_caught, *parallel
+            return following(cls + 1), up, down, all_caught, *of_plies, *parallel
 
         fractions = [[nodes[f][k][1] for k in range(n)] for f in range(2)]
         given = (list(classes), fractions, [[share for _, share in corners[k]] for k in range(n)])
-        state = (following(kit.uint(0)), kit.zero_s(), kit.zero_s(), kit.zero_s(), *(kit.zero_s() for _ in range(4 if self.axes else 0)))
-        _, up, down, caught, *parallel = kit.loop(state, lambda cls, *_: cls < count, body, "light between yarns", given)
+        state = (following(kit.uint(0)), *(kit.zero_s() for _ in range(9 if self.axes else 5)))
+        _, up, down, caught, of_first, of_second, *parallel = kit.loop(state, lambda cls, *_: cls < count, body, "light between yarns", given)
         for k in range(n):
             for half, energy in enumerate((up, down)):
                 rest = energy[k] = dr.maximum(energy[k], 0.0)
                 for own in parallel[half::2]:
                     own[k] = clamp(own[k], 0.0, rest)
                     rest = rest - own[k]
-        return up, down, (side, corners, parallel, self.cones_at(a, side, (up, down), parallel)), caught
+        return up, down, (side, corners, parallel, self.cones_at(a, side, (up, down), parallel)), (caught, [of_first, of_second])
 
     def cones_at(self, a, side, energies, parallel):
         """Of each kind and half the cone of light in the opposite way, its sine and norm at ``a``, and its share of the samples."""

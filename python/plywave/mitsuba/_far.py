@@ -11,7 +11,7 @@ from ._kit import clamp
 
 TAU = 2.0 * math.pi
 # src/cloth/far.rs
-LENGTH_UM, APERTURES = 150.0, 3
+LENGTH_UM, APERTURES, MIN_COSINE, MIN_ENERGY = 150.0, 3, 0.02, 1e-6
 
 
 def theta_of(theta_i, q, steps):
@@ -125,16 +125,20 @@ class Far:
         detach = dr.detach if kit.jit else (lambda x: x)
         mixed = [self.mixed(of) for of in colors]
         at = {"wo": wo, "weights": [m[0] for m in mixed], "around": [], "dark": [], "energy": []}
-        classes, hairless = [], [kit.zero_s()] * (cloth.classes // 2 - self.layers)
+        clear, classes, hairless = 0.0, [], [kit.zero_s()] * (cloth.classes // 2 - self.layers)
         for k, along_y in enumerate(self.along_y):
             views, shares, theta = self.around(along_y, wo)
             at["around"].append((views, shares, theta))
             sums, first = [0.0] * self.sigmas, [[0.0] * self.sigmas for _ in range(self.layers)]
+            widths = [0.5 * math.pi - theta, 0.5 * math.pi + theta]
             for view, share in zip(views, shares):
-                sums = [s + share * x for s, x in zip(sums, self.row(self.energy, view + k * self.views))]
+                for side, width in enumerate(widths):
+                    row = self.row(self.energy, (view + k * self.views) * 2 + side)
+                    sums = [s + share * width * x for s, x in zip(sums, row)]
                 for layers in range(self.layers):
                     row = self.row(self.first, (view + k * self.views) * self.layers + layers)
                     first[layers] = [s + share * x for s, x in zip(first[layers], row)]
+            clear = clear + sum(row[0] for row in first)
             weights = mixed[k][0]
             dot = lambda row: [sum(x * w for x, w in zip(row, of)) for of in weights]
             energy = dot(sums)
@@ -142,25 +146,34 @@ class Far:
             mean, clear, dark = detach(sum(energy) * (1.0 / kit.count)), sums[0], sums[-1]
             share = (clear - mean) / dr.maximum(clear - dark, 1e-9) * dark / dr.maximum(mean, 1e-30)
             at["dark"].append(dr.select(mean > 0.0, clamp(share, 0.0, 1.0), 0.0))
-            at["energy"].append(mean)
+            at["energy"].append(self.spectrum(energy))
         sigma = [m[1] for m in mixed]
         if len(self.along_y) == 1:
             # The other kind has no light.
             classes += [kit.zero_s()] * (cloth.classes // 2)
             at["around"] *= 2
             at["dark"].append(kit.float(0.0))
-            at["energy"].append(kit.float(0.0))
+            at["energy"].append(kit.zero_s())
         views, shares, _ = at["around"][0]
         at["passing"] = sum(share * kit.take(self.passing, view) for view, share in zip(views, shares))
+        # What clear plies scatter and what passes, interpolated about different axes, are the beam.
+        per = 1.0 / dr.maximum(clear + at["passing"], MIN_ENERGY)
+        classes, at["passing"] = [per * e for e in classes], per * at["passing"]
         of_hairs = []
         if cloth.hairs is not None:
             at["free"] = cloth.hairs.passes(wo)
             at["hairs"] = hairs = cloth.hairs.at(wo, [sigma[0], sigma[-1]], at["free"] * at["passing"])
             at["passing"] = at["free"] * at["passing"] * hairs["passes_behind"]
             classes = cloth.hairs.with_energies([at["free"] * e for e in classes], hairs)
-            at["energy"] = [at["free"] * e for e in at["energy"]]
             of_hairs = [detach(kit.mean(out)) for out in hairs["out"]]
-        at["up"], at["down"], at["about"], _ = cloth.between(wo, classes, [sigma[0], sigma[-1]])
+        at["up"], at["down"], at["about"], (_, caught) = cloth.between(wo, classes, [sigma[0], sigma[-1]])
+        # f of each kind has the energy that its first plies scatter and other plies do not catch.
+        at["scale"], of_kind = [], cloth.classes // 2
+        for k, energy in enumerate(at["energy"]):
+            straight = dr.maximum(sum(classes[of_kind * k : of_kind * k + self.layers]) - caught[k], 0.0)
+            has_light = energy > MIN_ENERGY
+            at["scale"].append(dr.select(has_light, straight / dr.maximum(energy, MIN_ENERGY), 1.0))
+            at["energy"][k] = detach(kit.mean(dr.select(has_light, straight, energy)))
         at["up_sign"] = dr.select(wo[2] < 0.0, -1.0, 1.0)
         at["spectra"], at["count"] = [], kit.uint(0)
         if gaps is not None:
@@ -223,7 +236,8 @@ class Far:
                 place = (view * 2 + dark) * (self.cells + 1) + cell
                 chances.append(kit.take(self.sums, place + 1) - kit.take(self.sums, place))
             density = density + share * ((1.0 - at["dark"][k]) * chances[0] + at["dark"][k] * chances[1])
-        f = self.spectrum([sum(v * w for v, w in zip(sums, weights)) for weights in at["weights"][k]])
+        per_cosine = 1.0 / dr.maximum(dr.cos(theta), MIN_COSINE)
+        f = at["scale"][k] * per_cosine * self.spectrum([sum(v * w for v, w in zip(sums, weights)) for weights in at["weights"][k]])
         return f, density / dr.maximum(self.solid_angle(theta_i, row), 1e-12)
 
     def eval(self, at, b, lam, gaps):
@@ -235,7 +249,7 @@ class Far:
             light, density = self.plies(at, k, b)
             f, pdf = f + light, pdf + at["chances"][k] * density
         if cloth.hairs is not None:
-            f = at["free"] * cloth.hairs.passes(b) * f + cloth.hairs.eval(at["hairs"], is_up, b)
+            f = cloth.hairs.passes(b) * f + cloth.hairs.eval(at["hairs"], is_up, b)
             pdf = pdf + dr.select(is_up, *at["chances"][5:]) * (0.5 / math.pi)
         f = f + cloth.between_eval(at["about"], at["up"], at["down"], is_up, b)
         if gaps is not None:

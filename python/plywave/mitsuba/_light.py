@@ -21,7 +21,7 @@ def answer(self, si, own, wo, between, s, of_plies, spectra, hairs):
     all parts (``set_chances`` of src/cloth/bsdf.rs)."""
     kit, cloth = self.kit, self.cloth
     detach = dr.detach if kit.jit else (lambda x: x)
-    up, down, about, caught = cloth.between(wo, *between)
+    up, down, about, (caught, _) = cloth.between(wo, *between)
     of_plies = detach(of_plies)
     plies = kit.mean(of_plies)
     root = lambda x: dr.sqrt(kit.mean(x * x))

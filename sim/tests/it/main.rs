@@ -1,6 +1,7 @@
 //! Tests of the simulators. One program, so that they share loaded data.
 
 mod cloth;
+mod cloth_energy;
 mod cloth_gaps;
 mod cloth_model;
 mod fiber;

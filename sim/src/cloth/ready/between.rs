@@ -138,7 +138,7 @@ pub(super) fn light_between(paths: &ClothPaths<'_>, effort: Effort, told: Told<'
             let poly = means[from][half * PAIRS + pair];
             let all = dot(&poly, &integrals);
             if all > 1e-6 {
-                poly.map(|v| v / all)
+                not_negative(poly.map(|v| v / all))
             } else {
                 std::array::from_fn(|i| if i == 0 { 1.0 / PI } else { 0.0 })
             }
@@ -152,6 +152,22 @@ pub(super) fn light_between(paths: &ClothPaths<'_>, effort: Effort, told: Told<'
         }
     };
     Ok(InterYarn::new([side(0), side(1)]))
+}
+
+/// A polynomial of integral 1 with as much of the constant one as makes it 0 or more in every direction: shading
+/// takes a negative value as 0, which would add light.
+fn not_negative(poly: Poly) -> Poly {
+    const ROWS: usize = 24;
+    const COLUMNS: usize = 48;
+    let value = |i: usize| {
+        let z = (i / COLUMNS) as f32 / (ROWS - 1) as f32;
+        let (sin, cos) = (2.0 * PI * (i % COLUMNS) as f32 / COLUMNS as f32).sin_cos();
+        let across = (1.0 - z * z).sqrt();
+        dot(&poly, &terms([across * cos, across * sin, z]))
+    };
+    let least = (0..ROWS * COLUMNS).map(value).fold(0.0, f32::min);
+    let share = least / (least - 1.0 / PI);
+    std::array::from_fn(|i| (1.0 - share) * poly[i] + if i == 0 { share / PI } else { 0.0 })
 }
 
 /// Integrals over a half of the sphere of the terms times z.

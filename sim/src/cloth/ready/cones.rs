@@ -169,19 +169,20 @@ pub(super) fn cones(found: &Parallel, axes: [usize; 2]) -> [[[Cone; 2]; 2]; 2] {
             let pairs: &[[usize; 2]] = if half == 0 { &[[0, 0], [1, 1]] } else { &[[0, 1]] };
             for [from, to] in pairs {
                 let pair = [cones[*from][kind][half], cones[*to][kind][half]];
-                let [first, second] = balanced(pair, axes[kind]);
-                (cones[*from][kind][half].norm, cones[*to][kind][half].norm) = (first, second);
+                [cones[*from][kind][half], cones[*to][kind][half]] = balanced(pair, axes[kind]);
             }
         }
     }
     cones
 }
 
-/// N of both sides, each the integral of the other's (Sinkhorn's scaling).
-fn balanced(cones: [Cone; 2], axis: usize) -> [[f32; NORMS]; 2] {
+/// The cones of both sides with N, each the integral of the other's (Sinkhorn's scaling). That has a solution
+/// where as much light goes one way as the other, `integral E cos` of both sides: paths find it to a percent,
+/// so that E of the second is scaled to the first's.
+fn balanced(mut cones: [Cone; 2], axis: usize) -> [Cone; 2] {
     let sine = |i: usize| -1.0 + (2 * i + 1) as f64 / SINES as f64;
     // E cos b, about the axis.
-    let weights = cones.map(|cone| {
+    let weights_of = |cone: &Cone| {
         let weight = |i: usize| {
             let s = sine(i);
             let cos = (1.0 - s * s).sqrt();
@@ -194,7 +195,12 @@ fn balanced(cones: [Cone; 2], axis: usize) -> [[f32; NORMS]; 2] {
             (0..ANGLES).map(angle).sum::<f64>() * PI / ANGLES as f64 * 2.0 / SINES as f64
         };
         (0..SINES).map(weight).collect::<Vec<f64>>()
-    });
+    };
+    let [first, second] = cones.each_ref().map(|cone| weights_of(cone).iter().sum::<f64>());
+    if first > 0.0 && second > 0.0 {
+        cones[1].energy = cones[1].energy.map(|term| term * (first / second) as f32);
+    }
+    let weights = cones.each_ref().map(weights_of);
     let mut both = cones;
     let node = |i: usize| 2.0 * i as f64 / (NORMS - 1) as f64 - 1.0;
     let integral = |other: &Cone, weights: &[f64], s: f64| -> f64 {
@@ -218,5 +224,5 @@ fn balanced(cones: [Cone; 2], axis: usize) -> [[f32; NORMS]; 2] {
             }
         }
     }
-    both.map(|cone| cone.norm)
+    both
 }
