@@ -268,6 +268,7 @@ pub fn export(
             let report = Report::new(&cloth, &data.name, &views, options.samples, options.seed, &mut each)?;
             let [face, _] = &report.normal;
             let facts = vec![
+                ("largest_total", checked_total(report.largest_total())?),
                 ("solar_transmittance", face.solar_transmitted.value),
                 ("solar_reflectance", face.solar_reflected.value),
                 ("solar_absorptance", face.solar_absorbed.value),
@@ -285,6 +286,7 @@ pub fn export(
                 _ => (Basis::Squares { side: options.squares }, TREE_STEPS),
             };
             let matrix = Matrix::new(&cloth, basis, steps, run)?;
+            let largest_total = checked_total(matrix.largest_total())?;
             let heat = Heat::new(data, &cloth, &matrix)?;
             let mut notes = vec![
                 "The front is the face of the cloth; its warp points up.".to_string(),
@@ -307,7 +309,9 @@ pub fn export(
                 ("back_visible_transmittance", matrix.hemispherical(1, 1, 0)),
                 ("front_solar_reflectance", matrix.hemispherical(0, 0, 1)),
                 ("front_solar_transmittance", matrix.hemispherical(0, 1, 1)),
-                ("asymmetry", matrix.asymmetry()),
+                ("largest_total", largest_total),
+                ("asymmetry", matrix.balanced.asymmetry),
+                ("energy_change", matrix.balanced.energy_change),
             ];
             facts.extend(heat.facts());
             Ok(Exported { files: vec![(main.into(), text.into_bytes())], notes, facts })
@@ -315,7 +319,9 @@ pub fn export(
         Format::Rgl => {
             tell(0, 1);
             let rgl = rgl::rgl(&cloth, &data.name, RGL_SIZE, options.is_spectral, run)?;
-            let (facts, note) = left_out(&cloth, options);
+            let (mut facts, note) = left_out(&cloth, options);
+            facts.push(("largest_total", checked_total(rgl.largest_total)?));
+            facts.push(("energy_change", rgl.energy_change));
             let notes = vec![
                 note,
                 match options.is_spectral {
@@ -337,8 +343,28 @@ fn made_by(format: Format) -> String {
     format!("Made by {}, version {}.", outputs::mark(format), env!("CARGO_PKG_VERSION"))
 }
 
-/// What the asymmetry of a matrix is.
-const ASYMMETRY_NOTE: &str = "The asymmetry says how far the file is from reciprocity: the root mean square difference between a value and the value with light and viewer exchanged, over that of the values. It is 0 for an exact file; some hundredths come from the table of the cloth's mean light.";
+/// What balancing has changed.
+const ASYMMETRY_NOTE: &str = "The file is reciprocal: a value is the mean of both directions of light, scaled so that the light of every incident patch adds up to what the cloth sends out. The asymmetry says how far apart both directions were before: the root mean square difference between a value and the value with light and viewer exchanged, over that of the values. The energy change is the largest one of a patch's light.";
+
+/// Most light that a file may give back of 1.
+const MAX_TOTAL: f64 = 1.005;
+
+/// Reflected and transmitted light of the direction that has the most of it, of 1.
+///
+/// # Errors
+/// [`plywave::Error::Invalid`] where that is more than came, by more than the error of the numbers:
+/// programs that multiply layers would gain energy at each pass.
+fn checked_total(total: f64) -> Result<f64, Error> {
+    if total <= MAX_TOTAL {
+        return Ok(total);
+    }
+    Err(Error::Runtime(plywave::Error::Invalid {
+        file: "export".into(),
+        key: "largest_total".into(),
+        value: format!("{total:.4}"),
+        hint: "the file would give back more light than it gets; make the cloth anew with `plywave weave`".into(),
+    }))
+}
 
 /// Size of a swatch, at least, of whole repeats [um].
 const SWATCH_UM: f64 = 1e4;
@@ -385,6 +411,7 @@ fn swatch(
     notes.extend(material.at_bounds.iter().map(bound_note));
     let [warp, weft] = material.gloss;
     let facts = vec![
+        ("largest_total", checked_total(fit.largest_total)?),
         ("error_reflected", fit.error[0]),
         ("error_transmitted", fit.error[1]),
         ("reflectance_of_the_cloth", fit.energy[0][0]),

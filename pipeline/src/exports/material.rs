@@ -67,6 +67,9 @@ pub struct Fit {
     /// Mean over the views of reflectance and transmittance less straight light: of the cloth, of the
     /// material.
     pub energy: [[f64; 2]; 2],
+    /// Reflected and transmitted light of the material, with what passes beside fibers, of the view that has the
+    /// most of it.
+    pub largest_total: f64,
     /// Error of the reflected f within lobes: of directions where the glossy lobes, the fuzz and diffuse
     /// light are the largest part of the material's.
     pub by_lobe: [f64; 3],
@@ -378,8 +381,8 @@ impl Material {
 
     /// Of fitted parameters; `down` is what `below` gets through, as the target has the reflected light.
     fn of(target: &Target, x: &[f64], presence: f64, down: &[Vec<[f64; 3]>], below: &[[f64; 3]]) -> Material {
-        let (all, reflected) = target.solved(x);
-        let through = [0, 1, 2].map(|c| {
+        let (all, mut reflected) = target.solved(x);
+        let mut through = [0, 1, 2].map(|c| {
             let (mut sum, mut norm) = (0.0, 0.0);
             for lights in down {
                 for (light, w) in lights.iter().zip(below) {
@@ -390,7 +393,25 @@ impl Material {
             }
             (sum / norm).clamp(0.0, 1.0)
         });
-        let omega = 2.0 * PI / LIGHTS as f64 / target.views.len() as f64;
+        // Least squares let some views have more light than came: diffuse light gives way.
+        let of_view = 2.0 * PI / LIGHTS as f64;
+        let sums: Vec<[f64; 2]> = all
+            .iter()
+            .map(|lobes| {
+                let sum = |of: &dyn Fn(&[f64; 3]) -> f64| of_view * lobes.iter().map(of).sum::<f64>();
+                [sum(&|l| l[0] + luminance(target.hue) * l[1]), sum(&|l| l[2])]
+            })
+            .collect();
+        let total = |[above, base]: &[f64; 2], reflected: [f64; 3], through: [f64; 3]| {
+            above + luminance(reflected) * base + luminance(through)
+        };
+        let room = |sums: &[f64; 2]| (1.0 - sums[0]) / (total(sums, reflected, through) - sums[0]).max(1e-9);
+        let share = sums.iter().map(room).fold(1.0, f64::min).max(0.0);
+        reflected = reflected.map(|v| share * v);
+        through = through.map(|v| share * v);
+        let largest = sums.iter().map(|sums| total(sums, reflected, through)).fold(0.0, f64::max);
+        let largest_total = 1.0 - presence + presence * largest;
+        let omega = of_view / target.views.len() as f64;
         let (mut off, mut norm) = ([0.0; 3], [0.0; 3]);
         let mut energy = [[0.0; 2]; 2];
         let mut shares = [0.0; 3];
@@ -427,6 +448,7 @@ impl Material {
             presence,
             at_bounds: at_bounds(x, [0, 1].map(|kind| target.frames.iter().any(|frame| frame.kind == kind))),
             fit: Fit {
+                largest_total,
                 error: [ratio(off.iter().sum(), norm.iter().sum()), ratio(lower_off, lower_norm)],
                 energy: energy.map(|e| e.map(|v| v * presence)),
                 by_lobe: [0, 1, 2].map(|k| ratio(off[k], norm[k])),

@@ -12,6 +12,8 @@ pub const BANDS: usize = 2;
 pub const BAND_NAMES: [&str; BANDS] = ["Visible", "Solar"];
 /// Lines by which the straight light of a patch is found.
 const LINES: u32 = 2048;
+/// Most steps of balancing.
+const BALANCE_STEPS: usize = 400;
 
 /// Light of one side that leaves on one side.
 #[derive(Clone, Debug)]
@@ -29,6 +31,17 @@ pub struct Matrix {
     pub blocks: [[Block; 2]; 2],
     /// `[face, back][incident]`: straight light, which the transmitted block holds.
     pub straight: [Vec<f64>; 2],
+    /// What balancing has changed.
+    pub balanced: Balanced,
+}
+
+/// What the balancing of a matrix has changed.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Balanced {
+    /// [`Matrix::asymmetry`] before it.
+    pub asymmetry: f64,
+    /// Largest change of a column's energy, over the energy.
+    pub energy_change: f64,
 }
 
 /// Directions a side of a patch over which the mean is.
@@ -60,15 +73,20 @@ impl Matrix {
         let towards = [true, false].map(|up| lights.iter().map(|at| outgoing(*at, up)).collect::<Vec<_>>());
         let per_patch = steps.outgoing * steps.outgoing;
         let share = 1.0 / (steps.incident * steps.incident) as f64;
-        // Of one incident patch: `[reflected, transmitted][band][outgoing]`, straight light.
-        type Column = ([[Vec<f64>; BANDS]; 2], f64);
+        // Of one incident patch: `[reflected, transmitted][band][outgoing]`, straight light, and energies of all
+        // light that leaves, by band.
+        type Column = ([[Vec<f64>; BANDS]; 2], f64, [f64; BANDS]);
         let column = |number: usize| -> Result<Column, Error> {
             run.check_stop()?;
             let (is_face, patch) = (number < n, number % n);
             let mut sums = [[vec![0.0; n], vec![0.0; n]], [vec![0.0; n], vec![0.0; n]]];
             let mut f = vec![Spectrum::ZERO; lights.len()];
+            let (mut scattered, mut passing) = (Spectrum::ZERO, 0.0);
             for u in fractions(steps.incident) {
                 let wo = incident(basis.disk(patch, u), is_face);
+                let energy = cloth.energy(wo);
+                scattered.add(share, &energy.0);
+                passing += share * energy.1;
                 for (half, sums) in sums.iter_mut().enumerate() {
                     let side = if (half == 0) == is_face { 0 } else { 1 };
                     cloth.f(wo, &towards[side], &mut f);
@@ -85,7 +103,10 @@ impl Matrix {
             for sums in &mut sums[1] {
                 sums[patch] += straight / basis.projected_solid_angle(patch);
             }
-            Ok((sums, straight))
+            // What passes is found by more lines than the mean over the cell has.
+            let caught = (1.0 - straight) / (1.0 - passing).max(1e-9);
+            let energies = [bands.visible(&scattered), bands.solar(&scattered)].map(|e| straight + caught * e);
+            Ok((sums, straight, energies))
         };
         let columns = (0..2 * n).into_par_iter().map(column).collect::<Result<Vec<_>, Error>>()?;
         let block = |side: usize, half: usize| Block {
@@ -94,11 +115,95 @@ impl Matrix {
                 (0..n * n).map(|k| at(k / n, k % n)).collect()
             }),
         };
-        Ok(Matrix {
+        let mut matrix = Matrix {
             basis,
             blocks: [0, 1].map(|side| [block(side, 0), block(side, 1)]),
             straight: [0, 1].map(|side| columns[side * n..(side + 1) * n].iter().map(|c| c.1).collect()),
-        })
+            balanced: Balanced::default(),
+        };
+        matrix.balanced.asymmetry = matrix.asymmetry();
+        for band in 0..BANDS {
+            let energies: Vec<f64> = columns.iter().map(|column| column.2[band]).collect();
+            matrix.balance(band, &energies);
+        }
+        Ok(matrix)
+    }
+
+    /// The patch of the same directions as of light that leaves, if `at` is a side and patch of incident
+    /// light.
+    fn leaving(&self, at: usize) -> (usize, usize) {
+        let n = self.basis.len();
+        (at / n, self.basis.opposite(at % n))
+    }
+
+    /// Place of the value of light from the directions of one state, a side and a patch of incident light,
+    /// towards those of another: side it comes from, half, number within the block.
+    fn place(&self, from: usize, to: usize) -> (usize, usize, usize) {
+        let n = self.basis.len();
+        let (side, patch) = self.leaving(to);
+        (from / n, usize::from(side != from / n), patch * n + from % n)
+    }
+
+    /// Makes a band reciprocal and its columns of these energies.
+    ///
+    /// Values of a pair of directions, one way and the other, are two estimates of the same number, whose
+    /// mean S is kept. The energies are those of the cloth's own accounts, which quadrature over patches and S
+    /// miss by some percent: S is scaled to `d(a) S(a, b) d(b)`, with the positive d that gives each column its
+    /// energy (Sinkhorn and Knopp 1967). Straight light is a part of S.
+    fn balance(&mut self, band: usize, energies: &[f64]) {
+        let count = 2 * self.basis.len();
+        let value = |matrix: &Matrix, from: usize, to: usize| {
+            let (side, half, at) = matrix.place(from, to);
+            matrix.blocks[side][half].values[band][at]
+        };
+        let mut s = vec![0.0; count * count];
+        for from in 0..count {
+            for to in 0..count {
+                s[from * count + to] = 0.5 * (value(self, from, to) + value(self, to, from));
+            }
+        }
+        let omega: Vec<f64> = (0..count).map(|at| self.basis.projected_solid_angle(at % self.basis.len())).collect();
+        let sum = |d: &[f64], from: usize| -> f64 {
+            let row = &s[from * count..(from + 1) * count];
+            d[from] * row.iter().zip(d).zip(&omega).map(|((s, d), omega)| s * d * omega).sum::<f64>()
+        };
+        let mut d = vec![1.0; count];
+        for _ in 0..BALANCE_STEPS {
+            let ratios: Vec<f64> = (0..count)
+                .map(|at| {
+                    let sum = sum(&d, at);
+                    if sum > 1e-12 && energies[at] > 1e-12 { energies[at] / sum } else { 1.0 }
+                })
+                .collect();
+            d.iter_mut().zip(&ratios).for_each(|(d, ratio)| *d *= ratio.sqrt());
+            if ratios.iter().all(|ratio| (ratio - 1.0).abs() < 1e-9) {
+                break;
+            }
+        }
+        for from in 0..count {
+            let before: f64 = (0..count).map(|to| value(self, from, to) * omega[to]).sum();
+            if before > 1e-3 {
+                let change = (energies[from] / before - 1.0).abs();
+                self.balanced.energy_change = self.balanced.energy_change.max(change);
+            }
+        }
+        for from in 0..count {
+            for to in 0..count {
+                let (side, half, at) = self.place(from, to);
+                self.blocks[side][half].values[band][at] = d[from] * s[from * count + to] * d[to];
+            }
+        }
+    }
+
+    /// Reflected and transmitted light of the incident patch that has the most of it, over both sides and
+    /// bands.
+    pub fn largest_total(&self) -> f64 {
+        let total = |side: usize, band: usize, patch: usize| -> f64 {
+            (0..2).map(|half| self.energy(side, half, band, patch)).sum()
+        };
+        let all = (0..2)
+            .flat_map(|side| (0..BANDS).flat_map(move |band| (0..self.basis.len()).map(move |p| (side, band, p))));
+        all.map(|(side, band, patch)| total(side, band, patch)).fold(0.0, f64::max)
     }
 
     /// Light of an incident patch that leaves in one half: sum over the outgoing ones of BSDF times projected

@@ -277,31 +277,49 @@ impl MeanCloth {
         sum / f64::from(count.max(1))
     }
 
-    /// f [1/sr], the BSDF times the cosine of `w`, for light of `wo` that leaves towards each `w`; into `f`,
-    /// which has as many. Straight light is not in it.
-    pub fn f(&self, wo: [f32; 3], w: &[[f32; 3]], f: &mut [Spectrum]) {
-        f.fill(Spectrum::ZERO);
-        let (model, footprint_um) = match &self.far {
-            Some(far) => (far, f32::MAX),
-            None => (&self.points, 0.0),
+    /// Light of `wo` that the cloth scatters, and what passes beside all fibers, of the mean that
+    /// [`MeanCloth::f`] has.
+    pub fn energy(&self, wo: [f32; 3]) -> (Spectrum, f64) {
+        let (mut scattered, mut passing) = (Spectrum::ZERO, 0.0);
+        self.each_place(wo, &mut |model, query, share| {
+            let at = model.at(query);
+            let ends = self.ends().map(|sigma| model.at(&Self::query_ends(query, sigma)).albedo());
+            scattered.add(share, &self.spectrum(&at.albedo(), ends));
+            passing += share * f64::from(at.straight()[0]);
+        });
+        (scattered, passing)
+    }
+
+    /// The queries whose mean is that over the cell, with their shares: one where the file has the mean.
+    fn each_place(&self, wo: [f32; 3], of: &mut dyn FnMut(&ClothModel, &ClothQuery<'_, NODES>, f64)) {
+        let (model, footprint_um, places) = match &self.far {
+            Some(far) => (far, f32::MAX, 1),
+            None => (&self.points, 0.0, PLACES),
         };
-        let places = if self.far.is_some() { 1 } else { PLACES };
-        let (mut visible, mut pdf) = (vec![[0.0f32; NODES]; w.len()], vec![0.0f32; w.len()]);
-        let mut ends = vec![[0.0f32; 2]; w.len()];
-        let share = 1.0 / places as f64;
         for k in 0..places {
             let even = |step: f64| ((k as f64 + 0.5) * step).fract() as f32;
             let across = even(LATTICE as f64 / PLACES as f64);
             let position = self.place([even(1.0 / PLACES as f64), across, even(0.618_034), even(0.414_214)]);
             let query = ClothQuery { footprint_um, ..ClothQuery::new(position, wo, self.lambda_um) };
-            model.at(&query).eval_batch(w, &mut visible, &mut pdf);
+            of(model, &query, 1.0 / places as f64);
+        }
+    }
+
+    /// f [1/sr], the BSDF times the cosine of `w`, for light of `wo` that leaves towards each `w`; into `f`,
+    /// which has as many. Straight light is not in it.
+    pub fn f(&self, wo: [f32; 3], w: &[[f32; 3]], f: &mut [Spectrum]) {
+        f.fill(Spectrum::ZERO);
+        let (mut visible, mut pdf) = (vec![[0.0f32; NODES]; w.len()], vec![0.0f32; w.len()]);
+        let mut ends = vec![[0.0f32; 2]; w.len()];
+        self.each_place(wo, &mut |model, query, share| {
+            model.at(query).eval_batch(w, &mut visible, &mut pdf);
             if let Some(sigma) = self.ends() {
-                model.at(&Self::query_ends(&query, sigma)).eval_batch(w, &mut ends, &mut pdf);
+                model.at(&Self::query_ends(query, sigma)).eval_batch(w, &mut ends, &mut pdf);
             }
             for (f, (visible, ends)) in f.iter_mut().zip(visible.iter().zip(&ends)) {
                 f.add(share, &self.spectrum(visible, Some(*ends)));
             }
-        }
+        });
     }
 }
 

@@ -185,6 +185,13 @@ impl Report {
         })
     }
 
+    /// Reflected and transmitted light of the row that has the most of it, less three standard errors.
+    pub fn largest_total(&self) -> f64 {
+        // What is absorbed is the rest, sample by sample.
+        let total = |row: &Row| 1.0 - row.solar_absorbed.value - 3.0 * row.solar_absorbed.se;
+        self.normal.iter().chain(&self.diffuse).chain(&self.rows).map(total).fold(0.0, f64::max)
+    }
+
     /// As the text of a file with this ending.
     pub fn text(&self, ending: &str) -> String {
         match ending {

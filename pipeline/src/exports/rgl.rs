@@ -38,6 +38,10 @@ const NODE_STEP: usize = 5;
 pub struct Rgl {
     /// The bytes.
     pub bytes: Vec<u8>,
+    /// Reflected light of the file and transmitted light of the cloth, of the omega_i that has the most of both.
+    pub largest_total: f64,
+    /// Largest change of a view's light when it was scaled to the cloth's.
+    pub energy_change: f64,
 }
 
 /// Light of one direction of omega_i.
@@ -45,6 +49,29 @@ struct View {
     rgb: Vec<[f32; 3]>,
     spectra: Vec<[f32; (NODES - 1) / NODE_STEP + 1]>,
     luminance: Vec<f32>,
+    total: f64,
+    change: f64,
+}
+
+/// Directions of the hemisphere by which reflected light is summed: rows finer towards the plane, columns.
+const SUM: [usize; 2] = [64, 96];
+
+/// Visible light of `wi` that the face reflects.
+fn reflected(cloth: &MeanCloth, wi: [f32; 3], bands: &Bands) -> f64 {
+    let (mut w, mut omega) = (Vec::new(), Vec::new());
+    for row in 0..SUM[0] {
+        let t = (row as f64 + 0.5) / SUM[0] as f64;
+        let (z, solid_angle) = (t * t, 2.0 * t * TAU / (SUM[0] * SUM[1]) as f64);
+        let across = (1.0 - z * z).sqrt();
+        for column in 0..SUM[1] {
+            let (sin, cos) = (TAU * (column as f64 + 0.5) / SUM[1] as f64).sin_cos();
+            w.push([across * cos, across * sin, z].map(|v| v as f32));
+            omega.push(solid_angle);
+        }
+    }
+    let mut f = vec![Spectrum::ZERO; w.len()];
+    cloth.f(wi, &w, &mut f);
+    f.iter().zip(omega).map(|(f, omega)| omega * bands.visible(f)).sum()
 }
 
 /// Of a cloth.
@@ -83,12 +110,24 @@ pub fn rgl(cloth: &MeanCloth, name: &str, size: RglSize, is_spectral: bool, run:
             rgb: vec![[0.0; 3]; count],
             spectra: vec![[0.0; (NODES - 1) / NODE_STEP + 1]; count],
             luminance: vec![0.0; count],
+            total: 0.0,
+            change: 0.0,
         };
         for ((at, f), jacobian) in at.into_iter().zip(&f).zip(jacobian) {
             view.rgb[at] = bands.rgb_in_gamut(f).map(|v| v as f32);
             view.spectra[at] = std::array::from_fn(|k| f.visible[NODE_STEP * k] as f32);
             view.luminance[at] = (bands.visible(f) * jacobian).max(0.0) as f32;
         }
+        // Between its nodes the file is linear: its light is scaled to that of the cloth.
+        let wi = wi.map(|v| v as f32);
+        let (own, wanted) = (energy_of(&view.luminance, size.half), reflected(cloth, wi, &bands));
+        let scale = if own > 1e-6 { wanted / own } else { 1.0 };
+        view.change = (scale - 1.0).abs();
+        view.rgb.as_flattened_mut().iter_mut().for_each(|v| *v *= scale as f32);
+        view.spectra.as_flattened_mut().iter_mut().for_each(|v| *v *= scale as f32);
+        view.luminance.iter_mut().for_each(|v| *v *= scale as f32);
+        let (scattered, straight) = cloth.energy(wi);
+        view.total = energy_of(&view.luminance, size.half) + bands.visible(&scattered) - wanted + straight;
         Ok(view)
     };
     let views = (0..size.theta_i * size.phi_i).into_par_iter().map(view).collect::<Result<Vec<_>, Error>>()?;
@@ -123,7 +162,23 @@ pub fn rgl(cloth: &MeanCloth, name: &str, size: RglSize, is_spectral: bool, run:
     } else {
         fields.push(Field::f32("rgb", &[p, t, 3, rows, columns], planes(3, &|view, c, at| view.rgb[at][c])));
     }
-    Ok(Rgl { bytes: bytes(&fields) })
+    let largest = |of: fn(&View) -> f64| views.iter().map(of).fold(0.0, f64::max);
+    Ok(Rgl {
+        bytes: bytes(&fields),
+        largest_total: largest(|view| view.total),
+        energy_change: largest(|view| view.change),
+    })
+}
+
+/// Light of a view by its luminance, linear between the nodes of half vectors.
+fn energy_of(luminance: &[f32], [columns, rows]: [usize; 2]) -> f64 {
+    let mean = |x: usize, y: usize| {
+        let row = &luminance[y * columns..];
+        let next = &luminance[(y + 1) * columns..];
+        0.25 * [row[x], row[x + 1], next[x], next[x + 1]].map(f64::from).iter().sum::<f64>()
+    };
+    let sum: f64 = (0..rows - 1).flat_map(|y| (0..columns - 1).map(move |x| (x, y))).map(|(x, y)| mean(x, y)).sum();
+    sum / ((rows - 1) * (columns - 1)) as f64
 }
 
 fn direction(theta: f64, phi: f64) -> [f64; 3] {

@@ -40,21 +40,18 @@ fn clear_cloths_lose_nothing_and_are_reciprocal() {
     let matrix = coarse(&cloth(Some(0.0)), Basis::Klems);
     let mut worst = 0.0f64;
     for side in 0..2 {
-        let mean: f64 = (0..2).map(|half| matrix.hemispherical(side, half, 0)).sum();
-        assert!((mean - 1.0).abs() < 0.015, "side {side}: R + T = {mean}");
         for patch in 0..145 {
             let sum: f64 = (0..2).map(|half| matrix.energy(side, half, 0, patch)).sum();
-            // The last ring reaches into the plane.
-            if patch < 133 {
-                worst = worst.max((sum - 1.0).abs());
-            }
+            worst = worst.max((sum - 1.0).abs());
         }
     }
-    println!("R + T is off by at most {worst}; asymmetry {}", matrix.asymmetry());
-    assert!(worst < 0.04, "{worst}");
+    println!("R + T is off by at most {worst}; {:?}", matrix.balanced);
+    assert!(worst < 2e-3, "{worst}");
+    // Balancing mends a quadrature, it does not make the light: without it patches were nearly right.
+    assert!(matrix.balanced.energy_change < 0.03 && matrix.balanced.asymmetry < 0.08, "{:?}", matrix.balanced);
     // Of no absorption, visible and solar are one.
     assert!((matrix.hemispherical(0, 0, 0) - matrix.hemispherical(0, 0, 1)).abs() < 1e-6);
-    assert!(matrix.asymmetry() < 0.05, "{}", matrix.asymmetry());
+    assert!(matrix.asymmetry() < 1e-6, "{}", matrix.asymmetry());
 }
 
 /// The table of the mean beside samples at points, which share no code but the cloth.
