@@ -14,6 +14,7 @@ import math
 import subprocess
 import sys
 import tempfile
+import warnings
 from pathlib import Path
 from random import Random
 
@@ -74,6 +75,38 @@ def twin(cloth, twin_file, sigma):
         note(cloth.name, "report", "`plywave twin`", f"{quantity}, sigma {sigma} per um: largest difference", off, limit, path)
 
 
+def clear_pane(pywincalc):
+    """3 mm of clear glass, the same at all wavelengths."""
+    light = pywincalc.OpticalMeasurementComponent(0.83, 0.83, 0.075, 0.075)
+    data = [pywincalc.WavelengthData(um / 100, light) for um in range(30, 251, 5)]
+    optical = pywincalc.ProductDataOpticalNBand(
+        material_type=pywincalc.MaterialType.MONOLITHIC, thickness_meters=0.003, wavelength_data=data, coated_side=pywincalc.CoatedSide.NEITHER,
+        ir_transmittance_front=0.0, ir_transmittance_back=0.0, emissivity_front=0.84, emissivity_back=0.84, flipped=False)
+    return pywincalc.ProductDataOpticalAndThermal(optical, pywincalc.ProductDataThermal(conductivity=1.0, thickness_meters=0.003, flipped=False))
+
+
+def heat(cloth, pywincalc, layer, hemisphere, facts, path):
+    """U and SHGC of a pane with the cloth behind it; a warning is an error."""
+    pairs = (
+        (layer.conductivity, "conductivity_w_per_m_k"), (layer.emissivity_front, "emissivity_front"), (layer.emissivity_back, "emissivity_back"),
+        (layer.ir_transmittance, "ir_transmittance"), (layer.permeability_factor, "permeability"),
+    )
+    off = max(abs(got - facts[name]) for got, name in pairs)
+    note(cloth.name, "klems", "pyWinCalc", "thermal fields: largest difference from those printed", off, 1e-6, path)
+    numbers = []
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        for more in ([], [layer]):
+            parts = {"solid_layers": [clear_pane(pywincalc), *more], "gap_layers": [pywincalc.Layers.gap(thickness=0.0127)] * len(more), "bsdf_hemisphere": hemisphere}
+            u = pywincalc.GlazingSystem(**parts).u()
+            numbers.append((u, pywincalc.GlazingSystem(**parts, environment=pywincalc.nfrc_shgc_environments()).shgc()))
+    (bare_u, bare_g), (u, g) = numbers
+    # NFRC's clear pane of 3 mm has 5.91 W/(m2 K).
+    note(cloth.name, "klems", "pyWinCalc", "U of a clear pane alone beside NFRC's 5.91 W/(m2 K)", abs(bare_u - 5.91), 0.02, path)
+    note(cloth.name, "klems", "pyWinCalc", "U of the pane with the cloth behind it [W/(m2 K)]", u, bare_u, path)
+    note(cloth.name, "klems", "pyWinCalc", "SHGC of the pane with the cloth behind it", g, bare_g, path)
+
+
 def klems(cloth, ours):
     path, facts = cloth.export("klems", "xml")
     if has("pywincalc"):
@@ -92,6 +125,7 @@ def klems(cloth, ours):
                     off["normal"] = max(off["normal"], abs(part.direct_hemispherical - ours["normal"][at][band + name]["value"]))
         for light, limit in (("diffuse", 0.005), ("normal", 0.005)):
             note(cloth.name, "klems", "pyWinCalc", f"T and R, visible and solar, both sides, {light} light: largest difference", off[light], limit, path)
+        heat(cloth, pywincalc, layer, hemisphere, facts, path)
         own = abs(system.optical_method_results("PHOTOPIC").system_results.front.transmittance.diffuse_diffuse - facts["front_visible_transmittance"])
         note(cloth.name, "klems", "pyWinCalc", "diffuse T: difference from the sum over the file", own, 1e-5, path)
     return path
