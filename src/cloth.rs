@@ -24,6 +24,7 @@ mod lattice;
 mod layers;
 mod lines;
 mod model;
+mod named;
 mod names;
 mod nearest;
 mod plies;
@@ -54,6 +55,7 @@ pub use lattice::{Buckets, Lattice, whole_times};
 pub use layers::Layer;
 pub use lines::{ClothLines, LineHit, LineHits, MAX_HITS};
 pub use model::ClothModel;
+pub use named::NamedWeave;
 pub use query::{ClothOptions, ClothQuery, GapLight, Slits};
 pub(crate) use query::{to_pattern, to_surface};
 #[doc(hidden)]

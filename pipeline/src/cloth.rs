@@ -74,11 +74,7 @@ impl ClothRecipe {
 
     /// Name of a kind of yarn: warp, weft or yarn.
     pub fn kind_name(&self, kind: usize) -> &'static str {
-        match (self.spec.weave.is_some(), kind) {
-            (true, 0) => "warp",
-            (true, _) => "weft",
-            _ => "yarn",
-        }
+        self.spec.kind_name(kind)
     }
 
     fn assets(&self) -> Folder {

@@ -109,6 +109,27 @@ impl PlyCurve {
         PlyCurve { yarn, radius_um, shift, control_um: control }
     }
 
+    /// The same curve with twice the knots: knot `i` of this is knot `2 i` of that (Lane and Riesenfeld
+    /// 1980).
+    #[must_use]
+    pub fn refined(&self, lattice: &Lattice) -> PlyCurve {
+        let period = lattice.vector(self.shift);
+        let n = self.control_um.len();
+        let control = |i: usize| {
+            // Counted from the last one of the period before.
+            let [x, y, z] = self.control_um[(i + n - 1) % n];
+            let turns = ((i + n - 1) / n) as f64 - 1.0;
+            [x + turns * period[0], y + turns * period[1], z]
+        };
+        let mut control_um = Vec::with_capacity(2 * n);
+        for i in 0..n {
+            let [before, here, after] = [0, 1, 2].map(|k| control(i + k));
+            control_um.push(std::array::from_fn(|k| (before[k] + 6.0 * here[k] + after[k]) / 8.0));
+            control_um.push(std::array::from_fn(|k| 0.5 * (here[k] + after[k])));
+        }
+        PlyCurve { control_um, ..self.clone() }
+    }
+
     /// The place at a parameter: knot `i` is near control point `i`, and the period is their number.
     pub fn at(&self, lattice: &Lattice, parameter: f64) -> CurvePoint {
         let n = self.control_um.len() as i64;
@@ -284,6 +305,21 @@ mod tests {
             for k in 0..3 {
                 assert!((m.d_um[k] - (b.point_um[k] - a.point_um[k]) / 2e-4).abs() < 1e-5);
                 assert!((m.dd_um[k] - (b.d_um[k] - a.d_um[k]) / 2e-4).abs() < 1e-5);
+            }
+        }
+    }
+
+    /// Of one, two and many points of a period.
+    #[test]
+    fn a_refined_curve_is_the_same_curve() {
+        let (lattice, points) = helix();
+        for count in [1, 2, 3, 48] {
+            let curve = PlyCurve::through(0, 10.0, [1, 0], &points[..count], &lattice);
+            let fine = curve.refined(&lattice);
+            assert_eq!(fine.control_um.len(), 2 * count);
+            for u in [-3.3, 0.0, 0.4, 1.0, 7.7] {
+                let (a, b) = (curve.at(&lattice, u).point_um, fine.at(&lattice, 2.0 * u).point_um);
+                assert!((0..3).all(|k| (a[k] - b[k]).abs() < 1e-9), "{count} at {u}: {a:?} {b:?}");
             }
         }
     }

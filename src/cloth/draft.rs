@@ -1,5 +1,5 @@
 //! The draft: which yarn is on top at each crossing of one repeat, a bit each. Plain weave, twills, satins,
-//! baskets, and any other from rows of text.
+//! hopsacks, and any other from rows of text.
 
 /// Most ends and most picks of a draft.
 pub const MAX_THREADS: usize = 4096;
@@ -88,13 +88,14 @@ impl Draft {
         Draft::from_fn(n, n, |pick, end| end != pick * step % n)
     }
 
-    /// Basket: plain weave of groups of `n` ends and `n` picks. `None` for 0 and above half of
+    /// Hopsack, or basket: plain weave of groups of ends and picks. `None` for 0 and above half of
     /// [`MAX_THREADS`].
-    pub fn basket(n: usize) -> Option<Draft> {
-        if !(1..=MAX_THREADS / 2).contains(&n) {
+    pub fn hopsack(ends: usize, picks: usize) -> Option<Draft> {
+        let sound = 1..=MAX_THREADS / 2;
+        if !sound.contains(&ends) || !sound.contains(&picks) {
             return None;
         }
-        Draft::from_fn(2 * n, 2 * n, |pick, end| pick / n == end / n)
+        Draft::from_fn(2 * picks, 2 * ends, |pick, end| pick / picks == end / ends)
     }
 
     /// Two layers of straight yarns, the warp above the weft at every crossing: not woven, since no yarn
@@ -206,7 +207,7 @@ mod tests {
         assert_eq!(drawn(&Draft::twill(3, 1).unwrap()), [".XXX", "XXX.", "XX.X", "X.XX"]);
         assert_eq!(drawn(&Draft::twill(1, 1).unwrap()), drawn(&Draft::plain()));
         assert_eq!(drawn(&Draft::satin(5, 2).unwrap()), ["XXX.X", "X.XXX", "XXXX.", "XX.XX", ".XXXX"]);
-        assert_eq!(drawn(&Draft::basket(2).unwrap()), ["..XX", "..XX", "XX..", "XX.."]);
+        assert_eq!(drawn(&Draft::hopsack(2, 2).unwrap()), ["..XX", "..XX", "XX..", "XX.."]);
     }
 
     #[test]

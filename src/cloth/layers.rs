@@ -232,7 +232,7 @@ mod tests {
     #[test]
     fn weaves_hang_together_and_double_cloths_do_not() {
         for draft in
-            [Draft::plain(), Draft::twill(3, 1).unwrap(), Draft::satin(8, 3).unwrap(), Draft::basket(3).unwrap()]
+            [Draft::plain(), Draft::twill(3, 1).unwrap(), Draft::satin(8, 3).unwrap(), Draft::hopsack(3, 3).unwrap()]
         {
             assert_eq!(draft.layers_apart().len(), 1);
         }

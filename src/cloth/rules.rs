@@ -1,7 +1,7 @@
 //! Rules of the cloth spec: its keys and their ranges, and what must hold between them.
 
 use super::spec::{ClothSpec, YarnOfCloth};
-use super::weave::{WEAVES, WeaveSpec, check_weave};
+use super::weave::{WEAVE, WeaveSpec, check_weave, check_weave_keys};
 use crate::Result;
 use crate::gap::SLIT_MAX_UM;
 use crate::spec::rules::{self, Custom, Key, Kind, Rules, invalid, optional, required};
@@ -20,12 +20,12 @@ pub const CLOTH_RULES: Rules = Rules {
 
 const ROOT: &[Key] = &[
     required("name", Kind::Text),
-    optional("weave", Kind::Tagged("{ kind = \"satin\", n = 5, step = 2 }", WEAVES), "knit or curves"),
+    optional("weave", Kind::Table(WEAVE), "knit or curves"),
     optional("knit", Kind::Tagged("{ kind = \"jersey\", ... }", KNITS), "weave or curves"),
     optional("curves", Kind::Table(CURVES), "weave or knit"),
-    optional("warp", Kind::Table(YARN), "of a weave"),
-    optional("weft", Kind::Table(YARN), "of a weave"),
-    optional("yarn", Kind::Table(YARN), "of a knit and of curves"),
+    optional("warp", Kind::Table(YARN), "of a weave, or of curves of two yarns"),
+    optional("weft", Kind::Table(YARN), "of a weave, or of curves of two yarns"),
+    optional("yarn", Kind::Table(YARN), "of a knit, or of curves of one yarn"),
     optional("thickness_um", Kind::Number(1.0, 1e5), "not pressed"),
     optional("color_of", Kind::Choice(&["even_sky", "reflected", "folded"]), "\"even_sky\""),
     optional("thermal", Kind::Table(THERMAL), "usual fibers"),
@@ -129,7 +129,7 @@ const KNITS: &[(&str, &[Key])] = &[
 const CURVES: &[Key] = &[
     required("file", Kind::Text),
     optional("cell_um", Kind::Custom(CELL), "that of the file"),
-    optional("um_per_unit", Kind::Number(1e-6, 1e9), "1, of a .tg3 1000"),
+    optional("um_per_unit", Kind::Number(1e-6, 1e9), "1, of a .tg3 by its GeometryScale"),
     optional("relax", Kind::Custom(BOOL), "false"),
 ];
 const CELL: Custom = Custom {
@@ -158,7 +158,11 @@ impl ClothSpec {
     /// [`crate::Error::Format`] for text that is not TOML, [`crate::Error::Invalid`] for a key that is
     /// unknown, absent or out of range, and for keys that contradict each other.
     pub fn parse(text: &str, file: &str) -> Result<ClothSpec> {
-        let spec: ClothSpec = rules::typed(rules::parse(text, file, &CLOTH_RULES)?, file, &CLOTH_RULES)?;
+        let table = rules::parse(text, file, &CLOTH_RULES)?;
+        if let Some(weave) = table.get("weave") {
+            check_weave_keys(file, weave)?;
+        }
+        let spec: ClothSpec = rules::typed(table, file, &CLOTH_RULES)?;
         check_relations(file, &spec)?;
         Ok(spec)
     }
@@ -173,10 +177,15 @@ fn check_relations(file: &str, spec: &ClothSpec) -> Result<()> {
         let value = if names.is_empty() { "(absent)".to_string() } else { names.join(" and ") };
         return Err(invalid(file, "weave", value, "give one of [weave], [knit] and [curves]"));
     }
-    let wanted = if given[0] { ["warp", "weft"].as_slice() } else { &["yarn"] };
+    // Curves are of one yarn, or of two.
+    let is_two = given[0] || (given[2] && (spec.warp.is_some() || spec.weft.is_some()));
+    let wanted = if is_two { ["warp", "weft"].as_slice() } else { &["yarn"] };
     for (name, yarn) in [("warp", &spec.warp), ("weft", &spec.weft), ("yarn", &spec.yarn)] {
         match (yarn, wanted.contains(&name)) {
-            (Some(yarn), true) => check_yarn(file, name, yarn, matches!(spec.weave, Some(WeaveSpec::Wif { .. })))?,
+            (Some(yarn), true) => {
+                check_yarn(file, name, yarn)?;
+                check_spacing(file, name, yarn, spec)?;
+            }
             (None, true) => return Err(invalid(file, name, "(absent)", "this table must be given")),
             (Some(_), false) => {
                 let hint = format!("leave it out, or use [{}]", wanted.join("] and ["));
@@ -205,7 +214,7 @@ fn check_thermal(file: &str, spec: &ClothSpec) -> Result<()> {
     Ok(())
 }
 
-fn check_yarn(file: &str, name: &str, yarn: &YarnOfCloth, is_wif: bool) -> Result<()> {
+fn check_yarn(file: &str, name: &str, yarn: &YarnOfCloth) -> Result<()> {
     let key = |of: &str| format!("{name}.{of}");
     let units = yarn.count.units();
     if units.len() != 1 {
@@ -240,19 +249,27 @@ fn check_yarn(file: &str, name: &str, yarn: &YarnOfCloth, is_wif: bool) -> Resul
         let hint = "give count_cv or spacing_cv, what changes over this length, or leave this key out";
         return Err(invalid(file, &key("uneven_mm"), mm, hint));
     }
-    let density = match name {
-        "warp" => Some(("ends_per_cm", yarn.ends_per_cm, "picks_per_cm", yarn.picks_per_cm)),
-        "weft" => Some(("picks_per_cm", yarn.picks_per_cm, "ends_per_cm", yarn.ends_per_cm)),
-        _ => None,
+    Ok(())
+}
+
+/// Whether the yarn has the spacing that its cloth needs, and no other.
+fn check_spacing(file: &str, name: &str, yarn: &YarnOfCloth, spec: &ClothSpec) -> Result<()> {
+    let key = |of: &str| format!("{name}.{of}");
+    let (ends, picks) = (("ends_per_cm", yarn.ends_per_cm), ("picks_per_cm", yarn.picks_per_cm));
+    let Some(weave) = &spec.weave else {
+        let hint = match spec.knit {
+            Some(_) => "leave it out: [knit] has wales_per_cm and courses_per_cm",
+            None => "leave it out: the file of the curves has the places of the yarns",
+        };
+        let given = [ends, picks].into_iter().find_map(|(name, value)| value.map(|value| (name, value)));
+        return given.map_or(Ok(()), |(name, value)| Err(invalid(file, &key(name), value, hint)));
     };
-    match density {
+    let (own, other) = if name == "warp" { (ends, picks) } else { (picks, ends) };
+    match (own, other) {
+        (_, (other, Some(value))) => Err(invalid(file, &key(other), value, format!("use {}", own.0))),
         // A WIF may have it.
-        Some((_, None, _, None)) if is_wif => Ok(()),
-        Some((own, None, _, None)) => Err(invalid(file, &key(own), "(absent)", "this key must be given")),
-        Some((own, _, other, Some(value))) => Err(invalid(file, &key(other), value, format!("use {own}"))),
-        None if yarn.spacing_um().is_some() => {
-            let hint = "leave it out: [knit] has wales_per_cm and courses_per_cm";
-            Err(invalid(file, &key("ends_per_cm"), yarn.spacing_um().unwrap_or_default(), hint))
+        ((own, None), _) if !matches!(weave, WeaveSpec::Wif { .. }) => {
+            Err(invalid(file, &key(own), "(absent)", "this key must be given"))
         }
         _ => Ok(()),
     }

@@ -31,10 +31,10 @@ pub struct ClothSpec {
     /// Curves from a file.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub curves: Option<SourceCurves>,
-    /// Yarns along y of a woven cloth.
+    /// Yarns along y of a woven cloth, or of curves of two yarns.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub warp: Option<YarnOfCloth>,
-    /// Yarns along x of a woven cloth.
+    /// Yarns along x of a woven cloth, or of curves of two yarns.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub weft: Option<YarnOfCloth>,
     /// The yarn of a knit or of curves.
@@ -55,8 +55,8 @@ pub enum ClothWeave<'a> {
     Woven(&'a WeaveSpec, [&'a YarnOfCloth; 2]),
     /// Knitted of one yarn.
     Knitted(&'a KnitSpec, &'a YarnOfCloth),
-    /// Curves from a file.
-    Curves(&'a SourceCurves, &'a YarnOfCloth),
+    /// Curves from a file, of one yarn, or of warp and weft.
+    Curves(&'a SourceCurves, &'a YarnOfCloth, Option<&'a YarnOfCloth>),
 }
 
 /// Stitches.
@@ -91,7 +91,7 @@ pub struct SourceCurves {
     /// Two vectors after which the curves repeat [um]; absent: those of the file, which a `.bcc` has none of.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub cell_um: Option<[[f64; 2]; 2]>,
-    /// Micrometers to a unit of the file; absent: 1, of a `.tg3` 1000.
+    /// Micrometers to a unit of the file; absent: 1, of a `.tg3` by its GeometryScale.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub um_per_unit: Option<f64>,
     /// Whether the curves are relaxed, or taken as they are.
@@ -210,7 +210,10 @@ impl ClothSpec {
         match (&self.weave, &self.knit, &self.curves) {
             (Some(weave), None, None) => Some(ClothWeave::Woven(weave, [self.warp.as_ref()?, self.weft.as_ref()?])),
             (None, Some(knit), None) => Some(ClothWeave::Knitted(knit, self.yarn.as_ref()?)),
-            (None, None, Some(curves)) => Some(ClothWeave::Curves(curves, self.yarn.as_ref()?)),
+            (None, None, Some(curves)) => {
+                let first = self.warp.as_ref().or(self.yarn.as_ref())?;
+                Some(ClothWeave::Curves(curves, first, self.weft.as_ref()))
+            }
             _ => None,
         }
     }
@@ -219,8 +222,18 @@ impl ClothSpec {
     pub fn yarns(&self) -> Vec<&YarnOfCloth> {
         match self.made() {
             Some(ClothWeave::Woven(_, yarns)) => yarns.to_vec(),
-            Some(ClothWeave::Knitted(_, yarn) | ClothWeave::Curves(_, yarn)) => vec![yarn],
+            Some(ClothWeave::Knitted(_, yarn)) => vec![yarn],
+            Some(ClothWeave::Curves(_, first, second)) => std::iter::once(first).chain(second).collect(),
             None => Vec::new(),
+        }
+    }
+
+    /// Name of a kind of yarn: warp, weft or yarn.
+    pub fn kind_name(&self, kind: usize) -> &'static str {
+        match (self.warp.is_some(), kind) {
+            (true, 0) => "warp",
+            (true, _) => "weft",
+            _ => "yarn",
         }
     }
 
@@ -332,7 +345,7 @@ fn hexagonal(count: usize) -> Vec<[f64; 2]> {
 mod tests {
     use super::*;
 
-    const SATIN: &str = "name = \"satin\"\n[weave]\nkind = \"satin\"\nn = 5\nstep = 2\n[warp]\nmodel = \"m.pwm\"\n\
+    const SATIN: &str = "name = \"satin\"\n[weave]\nkind = \"satin 5/2\"\n[warp]\nmodel = \"m.pwm\"\n\
         count = { den = 75, filaments = 36 }\ndensity_g_per_cm3 = 1.38\npacking = 0.65\nbundles = 7\nends_per_cm = 100\n\
         [weft]\nmodel = \"m.pwm\"\ncount = { den = 75, filaments = 36 }\ndensity_g_per_cm3 = 1.38\npacking = 0.65\n\
         bundles = 7\npicks_per_cm = 40\n";
@@ -386,7 +399,7 @@ mod tests {
             ("ends_per_cm = 100", "picks_per_cm = 100", "warp.picks_per_cm"),
             ("bundles = 7\nends", "bundles = 4\ntwist_per_m = 100\nends", "warp.twist_per_m"),
             ("packing = 0.65", "packing = 1.5", "warp.packing = 1.5"),
-            ("step = 2", "step = 5", "weave.step = 5"),
+            ("5/2", "5/5", "weave.kind = \"satin 5/5\""),
         ] {
             assert!(SATIN.contains(from), "{from}");
             let message = ClothSpec::parse(&SATIN.replacen(from, to, 1), "s.toml").unwrap_err().to_string();

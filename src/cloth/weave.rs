@@ -1,44 +1,21 @@
-//! Weaves of the cloth spec, their rules, and colors of yarns.
+//! Weaves of the cloth spec, their rules, and colors of yarns. Names are in `named.rs`.
 
 use super::YarnSet;
 use super::draft::{Draft, MAX_THREADS};
+use super::named::NamedWeave;
 #[cfg(doc)]
 use super::wif::Wif;
 use crate::Result;
-use crate::spec::rules::{Custom, Key, Kind, invalid, required};
+use crate::spec::rules::{Custom, Key, Kind, invalid, optional, required};
 use serde::{Deserialize, Serialize};
 use toml::Value;
 
-const THREADS: i64 = MAX_THREADS as i64;
-
 /// Weaves.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(tag = "kind", rename_all = "snake_case", deny_unknown_fields)]
+#[serde(try_from = "WeaveKeys", into = "WeaveKeys")]
 pub enum WeaveSpec {
-    /// Over one, under one. An open one, as organza, has spacings wider than its yarns.
-    Plain {},
-    /// Each end over `up` picks, under `down`.
-    Twill {
-        /// Picks that an end passes over.
-        up: usize,
-        /// Picks that an end passes under.
-        down: usize,
-    },
-    /// Warp satin of `n` ends, its binding points moved by `step` from pick to pick.
-    Satin {
-        /// Ends of the repeat.
-        n: usize,
-        /// Ends from one binding point to the next.
-        step: usize,
-    },
-    /// Plain weave of groups of `n`.
-    Basket {
-        /// Yarns of a group.
-        n: usize,
-    },
-    /// Two layers of straight yarns, warp above weft: no cloth, but the simplest case to hold a model to.
-    /// Round yarns touch where the crimps add up to 1.
-    Layers {},
+    /// A weave by the name that weavers use.
+    Named(NamedWeave),
     /// Any draft: rows of `X` (warp on top) and `.`, as seen, so that the last row is the first pick.
     Draft {
         /// Rows of one repeat, all of the same length.
@@ -49,6 +26,40 @@ pub enum WeaveSpec {
         /// Path of the file, relative to the spec.
         file: String,
     },
+}
+
+/// The keys of a weave.
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct WeaveKeys {
+    kind: String,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    rows: Option<Vec<String>>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    file: Option<String>,
+}
+
+impl TryFrom<WeaveKeys> for WeaveSpec {
+    type Error = String;
+
+    fn try_from(keys: WeaveKeys) -> std::result::Result<WeaveSpec, String> {
+        match (keys.kind.as_str(), keys.rows, keys.file) {
+            ("draft", Some(rows), None) => Ok(WeaveSpec::Draft { rows }),
+            ("wif", None, Some(file)) => Ok(WeaveSpec::Wif { file }),
+            (name, None, None) => name.parse().map(WeaveSpec::Named),
+            (name, ..) => Err(format!("weave.kind = {name} has other keys")),
+        }
+    }
+}
+
+impl From<WeaveSpec> for WeaveKeys {
+    fn from(weave: WeaveSpec) -> WeaveKeys {
+        match weave {
+            WeaveSpec::Named(name) => WeaveKeys { kind: name.to_string(), ..WeaveKeys::default() },
+            WeaveSpec::Draft { rows } => WeaveKeys { kind: "draft".into(), rows: Some(rows), file: None },
+            WeaveSpec::Wif { file } => WeaveKeys { kind: "wif".into(), rows: None, file: Some(file) },
+        }
+    }
 }
 
 /// What a yarn is colored by.
@@ -63,14 +74,10 @@ pub enum YarnColor {
 }
 
 impl WeaveSpec {
-    /// The draft; `None` for a WIF, whose draft is in its file, and for counts out of range.
+    /// The draft; `None` for a WIF, whose draft is in its file, and for rows that hold none.
     pub fn draft(&self) -> Option<Draft> {
         match self {
-            WeaveSpec::Plain {} => Some(Draft::plain()),
-            WeaveSpec::Twill { up, down } => Draft::twill(*up, *down),
-            WeaveSpec::Satin { n, step } => Draft::satin(*n, *step),
-            WeaveSpec::Basket { n } => Draft::basket(*n),
-            WeaveSpec::Layers {} => Some(Draft::layers()),
+            WeaveSpec::Named(name) => Some(name.draft()),
             WeaveSpec::Draft { rows } => {
                 let up = |pick: usize, end: usize| {
                     rows.get(rows.len() - 1 - pick).and_then(|r| r.as_bytes().get(end)) == Some(&b'X')
@@ -82,16 +89,42 @@ impl WeaveSpec {
     }
 }
 
-/// Keys of each `weave.kind`, besides `kind`.
-pub(super) const WEAVES: &[(&str, &[Key])] = &[
-    ("plain", &[]),
-    ("twill", &[required("up", Kind::Integer(1, THREADS / 2)), required("down", Kind::Integer(1, THREADS / 2))]),
-    ("satin", &[required("n", Kind::Integer(5, THREADS)), required("step", Kind::Integer(2, THREADS))]),
-    ("basket", &[required("n", Kind::Integer(1, THREADS / 2))]),
-    ("layers", &[]),
-    ("draft", &[required("rows", Kind::Custom(ROWS))]),
-    ("wif", &[required("file", Kind::Text)]),
+/// Keys of a weave.
+pub(super) const WEAVE: &[Key] = &[
+    required("kind", Kind::Custom(KIND)),
+    optional("rows", Kind::Custom(ROWS), "of a draft"),
+    optional("file", Kind::Text, "of a WIF"),
 ];
+
+const KIND: Custom = Custom {
+    expected: "the name of a weave, such as \"satin 5/2\", \"draft\" or \"wif\"",
+    check: |file, key, value| {
+        let Some(name) = value.as_str() else {
+            return Err(invalid(file, key, value, "use the name of a weave in quotes, such as \"twill 2/2\""));
+        };
+        match name {
+            "draft" | "wif" => Ok(()),
+            _ => name.parse::<NamedWeave>().map(|_| ()).map_err(|hint| invalid(file, key, value, hint)),
+        }
+    },
+};
+
+/// What must hold between the keys of a weave, before it is one.
+pub(super) fn check_weave_keys(file: &str, weave: &Value) -> Result<()> {
+    let kind = weave.get("kind").and_then(Value::as_str).unwrap_or_default();
+    for (key, of, hint) in [
+        ("rows", "draft", "leave it out, or use kind = \"draft\""),
+        ("file", "wif", "leave it out, or use kind = \"wif\""),
+    ] {
+        let name = format!("weave.{key}");
+        match (weave.get(key), kind == of) {
+            (Some(value), false) => return Err(invalid(file, &name, value, hint)),
+            (None, true) => return Err(invalid(file, &name, "(absent)", "this key must be given")),
+            _ => {}
+        }
+    }
+    Ok(())
+}
 
 const ROWS: Custom =
     Custom { expected: "rows of one length of X (warp on top) and ., such as [\"X.\", \".X\"]", check: check_rows };
@@ -116,30 +149,12 @@ fn check_rows(file: &str, key: &str, value: &Value) -> Result<()> {
     Ok(())
 }
 
-/// What must hold between the keys of a weave.
+/// What must hold within a weave: a draft of rows binds every yarn.
 pub(super) fn check_weave(file: &str, weave: &WeaveSpec) -> Result<()> {
-    if let WeaveSpec::Satin { n, step } = *weave
-        && Draft::satin(n, step).is_none()
-    {
-        let good: Vec<usize> = (2..n.saturating_sub(1)).filter(|&s| Draft::satin(n, s).is_some()).take(12).collect();
-        let hint = match good[..] {
-            [] => format!("no satin has {n} ends; use another n"),
-            _ => {
-                let list: Vec<String> = good.iter().map(usize::to_string).collect();
-                format!("step and n = {n} must have no common factor; use one of {}", list.join(", "))
-            }
-        };
-        return Err(invalid(file, "weave.step", step, hint));
+    match (weave, weave.draft()) {
+        (WeaveSpec::Draft { .. }, Some(draft)) => check_bound(file, &draft),
+        _ => Ok(()),
     }
-    match (weave.draft(), weave) {
-        (Some(draft), WeaveSpec::Draft { .. }) => check_bound(file, &draft)?,
-        (None, WeaveSpec::Wif { .. }) | (Some(_), _) => {}
-        (None, _) => {
-            let hint = format!("use counts of 1 or more and a repeat of {MAX_THREADS} or less");
-            return Err(invalid(file, "weave.kind", "a weave without draft", hint));
-        }
-    }
-    Ok(())
 }
 
 fn check_bound(file: &str, draft: &Draft) -> Result<()> {

@@ -25,7 +25,7 @@ use super::layers::Layer;
 use super::names::{numbered, words};
 use crate::Result;
 use note::Notes;
-use text::{Ini, Rows};
+use text::{Ini, Loom, Rows};
 
 /// Most shafts and treadles; a Jacquard loom has a shaft an end.
 const MAX_SHAFTS: usize = MAX_THREADS;
@@ -56,7 +56,9 @@ impl Wif {
         let mut notes = Notes::default();
         let ini = Ini::read(bytes, file, &mut notes)?;
         check_contents(&ini, &mut notes);
-        let threading = ini.loom_rows("THREADING", MAX_SHAFTS, &mut notes)?;
+        let declared = ini.count("WEAVING", "Shafts", MAX_SHAFTS)?;
+        let shafts = Loom { name: "shaft", count: declared };
+        let threading = ini.loom_rows("THREADING", MAX_SHAFTS, shafts, &mut notes)?;
         if threading.lines.is_empty() {
             return Err(missing(&ini, "THREADING", "give the shaft of each end"));
         }
@@ -74,6 +76,7 @@ impl Wif {
         let ends = threads(&ini, YarnSet::Warp, threading.count(), &mut notes)?;
         let picks = threads(&ini, YarnSet::Weft, plans.picks(), &mut notes)?;
         let threading = threading.fit(ends, &mut notes);
+        let [used, greatest] = [greatest_of(&threading), plans.greatest()];
         let (section, named) = plans.named(picks, &mut notes);
         let drawdown = |named: &[Shafts]| {
             drawdown(&threading, named, rising != Some(false))
@@ -90,16 +93,37 @@ impl Wif {
         let kept = woven(&full, unused, &mut notes);
         let [warp, weft] = &kept;
         let Some(draft) = Draft::from_fn(weft.len(), warp.len(), |pick, end| full.up(weft[pick], warp[end])) else {
-            let hint = "bind the yarns: each must pass at least once above and once below another".into();
+            let hint = match greatest > used {
+                true => format!(
+                    "shaft {greatest} is named, and the ends are on {used}; shafts are numbers with commas, such as 1,2"
+                ),
+                false => "bind the yarns: each must pass at least once above and once below another".into(),
+            };
             return Err(ini.invalid(section, "1", "a draft in which no yarn binds another", hint));
         };
         if let Some(text) = Layer::note(&draft.layers_apart(), &kept) {
             notes.add(WifNoteKind::FallsApart, text);
         }
-        let [warp_srgb, weft_srgb] = colors::colors(&ini, [ends, picks], &kept, &mut notes)?;
+        let [warp_srgb, weft_srgb] = readable(colors::colors(&ini, [ends, picks], &kept, &mut notes), &mut notes)?;
         let spacing = YarnSet::EACH.map(|family| spacing::spacing(&ini, family, &kept[family as usize], &mut notes));
         Ok(Wif { draft, warp_srgb, weft_srgb, spacing, notes: notes.finish() })
     }
+}
+
+/// The colors; none, with a note, where they cannot be read, since the draft does not need them.
+fn readable(colors: Result<[Vec<[f32; 3]>; 2]>, notes: &mut Notes) -> Result<[Vec<[f32; 3]>; 2]> {
+    match colors {
+        Err(crate::Error::Invalid { key, value, hint, .. }) => {
+            let finding = format!("{key} = {value} is no color ({hint}): the colors of the file are left out");
+            notes.add(WifNoteKind::Colors, finding);
+            Ok(Default::default())
+        }
+        other => other,
+    }
+}
+
+fn greatest_of(lists: &[Vec<u64>]) -> u64 {
+    lists.iter().flatten().copied().max().unwrap_or(0)
 }
 
 fn section_of(family: YarnSet) -> &'static str {
@@ -147,6 +171,16 @@ fn threads(ini: &Ini<'_>, family: YarnSet, lines: usize, notes: &mut Notes) -> R
     let [_, several] = words(family);
     notes.add(WifNoteKind::Threads, format!("no Threads in [{section}]: {lines} {several}, as the lines say"));
     Ok(lines)
+}
+
+/// Refuses shafts that the loom does not have and no end is on: a number that stands for something else.
+fn check_shafts(ini: &Ini<'_>, plans: [&Rows; 2], count: usize) -> Result<()> {
+    let is_beyond = |list: &[u64]| list.iter().any(|n| *n > count as u64);
+    let mut all = plans.into_iter().flat_map(|rows| rows.lines.iter().map(move |(line, list)| (rows, *line, list)));
+    match all.find(|(_, _, list)| is_beyond(list)) {
+        Some((rows, line, list)) => Err(ini.beyond(rows.section, line, list, "shaft", count)),
+        None => Ok(()),
+    }
 }
 
 /// Tells of shafts or treadles beyond those declared.
@@ -209,9 +243,17 @@ struct Plans {
 
 impl Plans {
     fn read(ini: &Ini<'_>, threading: &Rows, notes: &mut Notes) -> Result<Plans> {
-        let [lift, tieup, treadling] =
-            ["LIFTPLAN", "TIEUP", "TREADLING"].map(|section| ini.loom_rows(section, MAX_SHAFTS, notes));
-        let (lift, tieup, treadling) = (lift?, tieup?, treadling?);
+        let declared = ini.count("WEAVING", "Shafts", MAX_SHAFTS)?;
+        let count = declared.unwrap_or(0).max(threading.greatest());
+        let shafts = Loom { name: "shaft", count: Some(count) };
+        let lift = ini.loom_rows("LIFTPLAN", MAX_SHAFTS, shafts, notes)?;
+        let tieup = ini.loom_rows("TIEUP", MAX_SHAFTS, shafts, notes)?;
+        let treadles = ini.count("WEAVING", "Treadles", MAX_SHAFTS)?.unwrap_or(tieup.count());
+        let treadles = Loom { name: "treadle", count: Some(treadles) };
+        let treadling = ini.loom_rows("TREADLING", MAX_SHAFTS, treadles, notes)?;
+        if declared.is_some() {
+            check_shafts(ini, [&lift, &tieup], count)?;
+        }
         let shafts = [threading, &lift, &tieup].map(Rows::greatest).into_iter().max().unwrap_or(0);
         check_loom(ini, "Shafts", shafts, notes)?;
         let whole = !tieup.lines.is_empty() && !treadling.lines.is_empty();
@@ -229,6 +271,13 @@ impl Plans {
             return Err(missing(ini, section, hint));
         }
         Ok(Plans { lift, treadles })
+    }
+
+    /// The greatest shaft that is named.
+    fn greatest(&self) -> u64 {
+        let tied = self.treadles.iter().flat_map(|(_, tied)| tied.iter());
+        let lifted = self.lift.iter().flat_map(|rows| rows.lines.values());
+        lifted.chain(tied).map(|list| greatest_of(std::slice::from_ref(list))).max().unwrap_or(0)
     }
 
     /// Picks for which there are lines.

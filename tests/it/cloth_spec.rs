@@ -1,7 +1,7 @@
 //! Cloth specs: those that ship are read and written again, invalid ones are refused in one line that names
 //! section, key and hint, and none panics.
 
-use plywave::cloth::{ClothSpec, Draft, MAX_THREADS, WeaveSpec};
+use plywave::cloth::{ClothSpec, Draft, MAX_THREADS, NamedWeave, WeaveSpec};
 use proptest::prelude::*;
 use std::path::{Path, PathBuf};
 
@@ -21,7 +21,7 @@ fn satin_with(old: &str, new: &str) -> String {
 
 /// The satin's yarns in another weave.
 fn woven(weave: &str) -> String {
-    satin_with("kind = \"satin\"\nn = 5\nstep = 2\n", &format!("{weave}\n"))
+    satin_with("kind = \"satin 5/2\"\n", &format!("{weave}\n"))
 }
 
 fn one_line<T>(result: &plywave::Result<T>) -> String {
@@ -68,20 +68,24 @@ fn refusals_name_key_value_and_mend() {
         (satin_with("[weft]", "[woof]"), "woof = {"),
         (
             woven("kind = \"velvet\""),
-            "weave.kind = \"velvet\": use one of \"plain\", \"twill\", \"satin\", \"basket\", \"layers\", \"draft\", \"wif\"",
+            "weave.kind = \"velvet\": \"velvet\" is no weave; use plain, twill, satin, sateen, herringbone, chevron, hopsack, oxford, rib, birdseye, \
+             houndstooth, layers, draft or wif",
         ),
-        (woven(""), "weave.kind = (absent): use one of"),
-        (woven("kind = \"plain\"\nn = 2"), "weave.n = 2: unknown key: this kind has none"),
-        (woven("kind = \"twill\"\nup = 3"), "weave.down = (absent)"),
-        (woven("kind = \"twill\"\nup = 0\ndown = 1"), "weave.up = 0: use an integer from 1 to 2048"),
+        (woven(""), "weave.kind = (absent): this key must be given"),
+        (woven("kind = 5"), "weave.kind = 5: use the name of a weave in quotes"),
+        (woven("kind = \"plain\"\nn = 2"), "weave.n = 2: unknown key: use one of kind, rows, file"),
+        (woven("kind = \"plain\"\nrows = [\"X\"]"), "weave.rows = [\"X\"]: leave it out, or use kind = \"draft\""),
+        (woven("kind = \"draft\""), "weave.rows = (absent): this key must be given"),
+        (woven("kind = \"wif\""), "weave.file = (absent): this key must be given"),
+        (woven("kind = \"twill\""), "weave.kind = \"twill\": write picks over and under, as twill 2/2"),
+        (woven("kind = \"twil 2/2\""), "weave.kind = \"twil 2/2\": \"twil\" is no weave; did you mean twill?"),
+        (woven("kind = \"twill 0/1\""), "weave.kind = \"twill 0/1\": use counts of 1 or more"),
         (
-            woven("kind = \"satin\"\nn = 8\nstep = 2"),
-            "weave.step = 2: step and n = 8 must have no common factor; use one of 3, 5",
+            woven("kind = \"satin 8/2\""),
+            "weave.kind = \"satin 8/2\": step and ends of satin 8/2 must have no common factor; use a step of 3, 5",
         ),
-        (woven("kind = \"satin\"\nn = 6\nstep = 2"), "weave.step = 2: no satin has 6 ends"),
-        (woven("kind = \"satin\"\nn = 5\nstep = 4"), "weave.step = 4: step and n = 5"),
-        (woven("kind = \"satin\"\nn = 4\nstep = 2"), "weave.n = 4: use an integer from 5 to 4096"),
-        (woven("kind = \"basket\"\nn = 4000"), "weave.n = 4000: use an integer from 1 to 2048"),
+        (woven("kind = \"satin 6/2\""), "weave.kind = \"satin 6/2\": no satin has 6 ends"),
+        (woven("kind = \"hopsack 4000/4000\""), "weave.kind = \"hopsack 4000/4000\": use counts of 1 or more"),
         (woven("kind = \"draft\"\nrows = []"), "weave.rows = 0 rows: use 1 to 4096 rows"),
         (woven("kind = \"draft\"\nrows = [\"X.\", \".X.\"]"), "weave.rows[1] = 3 characters: use rows of one length"),
         (woven("kind = \"draft\"\nrows = [\"X.\", \".x\"]"), "weave.rows[1] = .x: use X where"),
@@ -130,10 +134,6 @@ fn colors_slits_and_unevenness_are_held_together() {
         let message = one_line(&ClothSpec::parse(&spec(warp), "cloth.toml"));
         assert!(message.starts_with("cloth.toml: ") && message.contains(expected), "got {message}\nwant {expected}");
     }
-    let striped = spec("stripes = [{ count = 2, srgb = [1, 0, 0] }, { count = 1, srgb = [0, 0, 1] }]");
-    let spec = ClothSpec::parse(&striped, "striped").unwrap();
-    assert_eq!(spec.yarns()[0].stripes.iter().map(|stripe| stripe.count).collect::<Vec<_>>(), [2, 1]);
-    assert!(matches!(spec.weave, Some(WeaveSpec::Plain {})));
     // The forms of one color: in a spec, its color is the same.
     let red = Some([200.0 / 255.0, 30.0 / 255.0, 40.0 / 255.0]);
     for form in ["[200, 30, 40]", "\"#c81e28\"", "\"200, 30, 40\""] {
@@ -142,6 +142,10 @@ fn colors_slits_and_unevenness_are_held_together() {
         let stripe = format!("stripes = [{{ count = 1, srgb = {form} }}]");
         assert_eq!(ClothSpec::parse(&spec(&stripe), "red").unwrap().yarns()[0].stripes[0].srgb, red.unwrap());
     }
+    let striped = spec("stripes = [{ count = 2, srgb = [1, 0, 0] }, { count = 1, srgb = [0, 0, 1] }]");
+    let spec = ClothSpec::parse(&striped, "striped").unwrap();
+    assert_eq!(spec.yarns()[0].stripes.iter().map(|stripe| stripe.count).collect::<Vec<_>>(), [2, 1]);
+    assert!(matches!(spec.weave, Some(WeaveSpec::Named(NamedWeave::Plain))));
 }
 
 proptest! {

@@ -174,4 +174,7 @@ pub struct WeaveArgs {
     /// [default: none].
     #[arg(long, short, value_name = "FILE")]
     pub output: Option<PathBuf>,
+    /// End with exit code 1, and write no file, if the cloth did not come to rest.
+    #[arg(long)]
+    pub strict: bool,
 }

@@ -30,7 +30,9 @@ fn told<T: Send>(cli: &Cli, work: impl FnOnce(&Run<'_>) -> Result<T, plywave_pip
 pub fn curves(cli: &Cli, recipe: &ClothRecipe) -> Outcome<MadeCloth> {
     let made = told(cli, |run| recipe.curves(run))?;
     if !cli.quiet {
-        made.notes.iter().for_each(|note| eprintln!("note: {note}"));
+        let unrest = made.unrest();
+        let word = |note: &String| if Some(note) == unrest.as_ref() { "warning" } else { "note" };
+        made.notes.iter().for_each(|note| eprintln!("{}: {note}", word(note)));
     }
     Ok(made)
 }

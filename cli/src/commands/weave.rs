@@ -8,7 +8,7 @@ use crate::plot::{self, Format};
 use crate::{output, progress, report};
 use plywave::cloth::{ClothData, ClothSpec, YarnOfCloth};
 use plywave_pipeline::ClothRecipe;
-use plywave_sim::cloth::{CurveFormat, MadeCloth, measure, write_curves};
+use plywave_sim::cloth::{CurveFormat, MAX_FORCE, MadeCloth, YarnMeasures, measure, write_curves};
 use std::path::Path;
 use std::time::{Duration, Instant};
 
@@ -37,6 +37,10 @@ pub fn run(cli: &Cli, args: &WeaveArgs) -> Outcome {
     let begun = Instant::now();
     let made = cloth_file::curves(cli, &recipe)?;
     let time = begun.elapsed();
+    if args.strict && made.unrest().is_some() {
+        tell(cli, None, &recipe, &made, time)?;
+        return Err(Failure::NotHeld);
+    }
     if let (Some(path), Some(models)) = (&args.output, models) {
         let bytes = cloth_file::make(cli, &recipe, &made, &models)?.to_bytes()?;
         progress::stoppable(|| output::write_whole(path, &bytes))?;
@@ -85,7 +89,8 @@ fn tell(cli: &Cli, path: Option<&Path>, recipe: &ClothRecipe, made: &MadeCloth, 
             "cell_um": made.curves.cell_um,
             "measures": m,
             "relaxed": made.relaxed.map(|r| serde_json::json!({
-                "nodes": r.nodes, "steps": r.steps, "force": r.force, "overlap": r.overlap,
+                "nodes": r.nodes, "steps": r.steps, "force": r.force, "force_limit": MAX_FORCE,
+                "at_rest": made.unrest().is_none(), "overlap": r.overlap,
             })),
             "seconds": time.as_secs_f64(),
             "notes": made.notes,
@@ -111,7 +116,7 @@ fn tell(cli: &Cli, path: Option<&Path>, recipe: &ClothRecipe, made: &MadeCloth, 
         for measures in &m.yarns {
             let of = spec.yarns();
             let Some(yarn) = of.get(measures.kind as usize) else { continue };
-            write_yarn(out, recipe.kind_name(measures.kind as usize), yarn, measures, spec.knit.is_some())?;
+            write_yarn(out, recipe.kind_name(measures.kind as usize), yarn, measures, spec)?;
         }
         writeln!(out, "  thickness    {:.0} um", m.thickness_um)?;
         writeln!(out, "  cover        {:.2} % covered, {:.2} % open", 100.0 * (1.0 - m.openness), 100.0 * m.openness)?;
@@ -143,25 +148,29 @@ fn write_yarn(
     out: &mut dyn std::io::Write,
     name: &str,
     yarn: &YarnOfCloth,
-    measures: &plywave_sim::cloth::YarnMeasures,
-    is_knit: bool,
+    measures: &YarnMeasures,
+    spec: &ClothSpec,
 ) -> std::io::Result<()> {
-    let strands = match (yarn.plies, yarn.bundles) {
-        (1, 1) => "one ply".to_string(),
-        (plies, 1) => format!("{plies} plies"),
-        (_, bundles) => format!("{bundles} bundles"),
+    // Curves of a file can be of more strands than the spec says.
+    let strands = match (measures.strands, yarn.plies) {
+        (1, _) => "one ply".to_string(),
+        (strands, 2..) if strands == yarn.strands() => format!("{strands} plies"),
+        (strands, _) => format!("{strands} bundles"),
     };
-    let along = match is_knit {
+    let bends = match measures.least_bend {
+        bend if bend.is_finite() => format!("bends of {bend:.1} R at least"),
+        _ => "straight".into(),
+    };
+    let along = match spec.knit.is_some() {
         true => format!("{:.3} mm a cell", 1e-3 * measures.length_um),
         false => format!("crimp {:.1} %", 100.0 * measures.crimp),
     };
     writeln!(
         out,
-        "  {name:<12} {:.1} tex, {strands} of R {:.1} um; {along}, {:.0} um wide, {:.0} um high, bends of {:.1} R at least",
+        "  {name:<12} {:.1} tex, {strands} of R {:.1} um; {along}, {:.0} um wide, {:.0} um high, {bends}",
         yarn.count.tex(),
-        yarn.strand_radius_um(),
+        measures.strand_radius_um,
         measures.width_um,
-        measures.height_um,
-        measures.least_bend
+        measures.height_um
     )
 }

@@ -1,6 +1,6 @@
 //! `plywave weave`, `plot` and `twin` of cloth specs.
 
-use crate::common::{json, refused, succeed};
+use crate::common::{json, refused, run, succeed, text};
 use std::path::Path;
 
 const JERSEY: &str = "name = \"jersey\"\n[knit]\nkind = \"jersey\"\nwales_per_cm = 14\ncourses_per_cm = 20\n\
@@ -38,15 +38,119 @@ fn cloths_are_measured_and_written() {
     let again =
         "name = \"again\"\n[curves]\nfile = \"curves.toml\"\n[yarn]\ncount = { tex = 20 }\ndensity_g_per_cm3 = 1.5\n";
     std::fs::write(dir.join("again.toml"), again).unwrap();
-    let [first, second] = ["plain.toml", "again.toml"].map(|name| json(&succeed(dir, &["weave", name, "--json"])));
-    for key in ["thickness_um", "openness", "overlap"] {
-        let [a, b] = [&first, &second].map(|said| number(&said["measures"], key));
-        assert!((a - b).abs() < 1e-6 * a.abs().max(1.0), "{key}: {a} {b}");
-    }
-    // Weft is the second kind, of which the spec of curves has none.
-    assert!(number(&second["measures"], "mass_g_per_m2") > 0.0);
+    refused(dir, &["weave", "again.toml"], &["curves.toml", "two kinds", "[warp] and [weft]"]);
     succeed(dir, &["plot", "plain.toml", "-o", "plain.png"]);
     assert!(image::open(dir.join("plain.png")).unwrap().width() > 900);
+}
+
+/// A woven cloth of two yarns, and a spec of its curves with the same yarns.
+fn woven_and_again(warp: &str, weft: &str) -> [(&'static str, String); 2] {
+    let spacing = ["ends_per_cm = 20\n", "picks_per_cm = 16\n"];
+    let text = |head: &str, spacing: [&str; 2]| {
+        format!("name = \"two\"\n{head}\n[warp]\n{warp}{}[weft]\n{weft}{}", spacing[0], spacing[1])
+    };
+    [
+        ("woven.toml", text("[weave]\nkind = \"twill 2/1 S\"", spacing)),
+        ("again.toml", text("[curves]\nfile = \"curves.toml\"", [""; 2])),
+    ]
+}
+
+/// Curves of two yarns come back with both of them: the same mass, cover, thickness and sizes of yarns.
+#[test]
+fn curves_of_two_yarns_come_back() {
+    let warp = "count = { tex = 20 }\ndensity_g_per_cm3 = 1.5\n";
+    let weft = "count = { tex = 36 }\ndensity_g_per_cm3 = 1.3\nbundles = 3\ntwist_per_m = 400\n";
+    let folder = folder(&woven_and_again(warp, weft));
+    let dir = folder.path();
+    succeed(dir, &["weave", "woven.toml", "-o", "curves.toml"]);
+    let [first, second] = ["woven.toml", "again.toml"].map(|name| json(&succeed(dir, &["weave", name, "--json"])));
+    for key in ["mass_g_per_m2", "thickness_um", "openness", "overlap"] {
+        let [a, b] = [&first, &second].map(|said| said["measures"][key].as_f64().unwrap());
+        assert!((a - b).abs() < 1e-6 * a.abs().max(1.0), "{key}: {a} {b}");
+    }
+    for kind in 0..2 {
+        for key in ["crimp", "width_um", "height_um", "strand_radius_um", "strands"] {
+            let [a, b] = [&first, &second].map(|said| said["measures"]["yarns"][kind][key].as_f64().unwrap());
+            assert!((a - b).abs() < 1e-6 * a.abs().max(1.0), "{kind} {key}: {a} {b}");
+        }
+    }
+    // 20 ends of 20 tex and 16 picks of 36 tex a cm, longer by their crimp.
+    let crimp = [0, 1].map(|kind| first["measures"]["yarns"][kind]["crimp"].as_f64().unwrap());
+    let mass = 2.0 * 20.0 * (1.0 + crimp[0]) + 1.6 * 36.0 * (1.0 + crimp[1]);
+    let got = second["measures"]["mass_g_per_m2"].as_f64().unwrap();
+    // Bundles are longer than their yarn by the twist.
+    assert!((got / mass - 1.0).abs() < 0.01, "{got} g/m2, {mass} is right");
+    assert_eq!(second["notes"], serde_json::json!([]));
+    // Other programs' files tell warp and weft by their directions.
+    for name in ["curves.tg3", "curves.bcc"] {
+        succeed(dir, &["weave", "woven.toml", "-o", name]);
+        let cell = match name {
+            "curves.bcc" => format!("\"{name}\"\ncell_um = {}", first["cell_um"]),
+            _ => format!("\"{name}\""),
+        };
+        let text = std::fs::read_to_string(dir.join("again.toml")).unwrap().replace("\"curves.toml\"", &cell);
+        std::fs::write(dir.join("other.toml"), text).unwrap();
+        let other = json(&succeed(dir, &["weave", "other.toml", "--json"]));
+        for key in ["mass_g_per_m2", "thickness_um", "openness"] {
+            let [a, b] = [&first, &other].map(|said| said["measures"][key].as_f64().unwrap());
+            assert!((a - b).abs() < 2e-3 * a.abs().max(1.0), "{name}, {key}: {a} {b}");
+        }
+    }
+    // The kinds of the spec are those of the file.
+    std::fs::write(dir.join("knit.toml"), JERSEY).unwrap();
+    succeed(dir, &["weave", "knit.toml", "-o", "curves.toml"]);
+    refused(dir, &["weave", "again.toml"], &["curves.toml", "one kind", "give [yarn]"]);
+}
+
+/// A cloth is made of curves of two yarns.
+#[test]
+#[ignore = "slow: 60 s: a cloth of curves of two yarns"]
+fn curves_of_two_yarns_make_a_cloth() {
+    let shipped = Path::new(env!("CARGO_MANIFEST_DIR")).join("../fabrics/cloths/plies");
+    let yarn = |tex: f64| {
+        format!("model = \"ply.pwm\"\ncount = {{ dtex = {tex} }}\ndensity_g_per_cm3 = 1.38\npacking = 0.65\n")
+    };
+    let folder = folder(&woven_and_again(&yarn(11.904), &yarn(11.904)));
+    let dir = folder.path();
+    std::fs::copy(shipped.join("polyester_bundle.pwm"), dir.join("ply.pwm")).unwrap();
+    succeed(dir, &["weave", "woven.toml", "-o", "curves.toml"]);
+    succeed(dir, &["weave", "again.toml", "-o", "again.pwc"]);
+    let info = json(&succeed(dir, &["info", "again.pwc", "--json"]));
+    assert_eq!(info["plies"].as_array().unwrap().len(), 2, "{info}");
+}
+
+/// A cloth that does not come to rest is told of, with its forces and their limit; `--strict` refuses it.
+#[test]
+fn a_cloth_that_does_not_come_to_rest_is_told_of() {
+    // A rib of stiff yarn in loops that are too long for their stitches.
+    let stiff = JERSEY.replace("\"jersey\"\nwales", "\"rib\"\nwales").replace("2.7", "4.5");
+    let stiff = stiff.replace("{ ne = 30 }", "{ tex = 12 }\nstiffness = 20.0");
+    let folder = folder(&[("stiff.toml", stiff), ("plain.toml", plain(20.0))]);
+    let dir = folder.path();
+    let output = run(dir, &["weave", "stiff.toml", "--json", "-o", "stiff.tg3"]);
+    let (said, warned) = (json(&text(&output.stdout)), text(&output.stderr));
+    let force = said["relaxed"]["force"].as_f64().unwrap();
+    assert!(output.status.success() && force > 0.05, "{said}");
+    assert_eq!((&said["relaxed"]["at_rest"], &said["relaxed"]["force_limit"]), (&false.into(), &0.05.into()));
+    let line = warned.lines().find(|line| line.starts_with("warning: ")).unwrap_or_else(|| panic!("{warned}"));
+    for words in [&format!("{force:.2} of the tension")[..], "0.05 is the limit", "wider spacings or stitches"] {
+        assert!(line.contains(words), "{line}: {words}");
+    }
+    assert!(dir.join("stiff.tg3").exists());
+    let strict = run(dir, &["weave", "stiff.toml", "--strict", "-o", "strict.tg3"]);
+    assert_eq!(strict.status.code(), Some(1), "{}", text(&strict.stderr));
+    assert!(text(&strict.stderr).contains("warning: ") && !dir.join("strict.tg3").exists());
+    let at_rest = json(&succeed(dir, &["weave", "plain.toml", "--strict", "--json"]));
+    assert_eq!(at_rest["relaxed"]["at_rest"], true);
+}
+
+/// Straight yarns have no crimp and no bends, whatever the rounding.
+#[test]
+fn straight_yarns_are_said_to_be_straight() {
+    let straight = plain(20.0).replace("\"plain\"\n[warp]", "\"layers\"\n[warp]");
+    let folder = folder(&[("layers.toml", straight)]);
+    let text = succeed(folder.path(), &["weave", "layers.toml"]);
+    assert!(text.contains("crimp 0.0 %") && text.contains("um high, straight\n") && !text.contains("-0.0"), "{text}");
 }
 
 /// What cannot be made is refused in one line.

@@ -311,3 +311,102 @@ fn drafts_of_other_programs() {
         assert_eq!(notes_with(&said, &["draft.wif"]), 0, "{name}: {}", said["notes"]);
     }
 }
+
+/// A number of what `weave` measures.
+fn measure(said: &serde_json::Value, key: &str) -> f64 {
+    said["measures"][key].as_f64().unwrap_or_else(|| panic!("{key} in {said}"))
+}
+
+/// A cell and measures within `off` of the right ones: sides and thickness in um, share that is covered.
+fn expect_cloth(said: &serde_json::Value, [side, thickness, cover]: [f64; 3], off: f64) {
+    for (vector, axis) in [(0, 0), (1, 1)] {
+        let got = said["cell_um"][vector][axis].as_f64().unwrap();
+        assert!((got - side).abs() < 1e-6 * side, "cell {got} um, {side} is right");
+    }
+    let [got_thickness, got_cover] = [measure(said, "thickness_um"), 1.0 - measure(said, "openness")];
+    assert!((got_thickness - thickness).abs() < off * thickness, "{got_thickness} um thick, {thickness} is right");
+    assert!((got_cover - cover).abs() < off, "cover {got_cover}, {cover} is right");
+}
+
+/// Round yarns of 100 um at 400 um, which cover 1 - 0.75^2.
+const ROUND: [f64; 3] = [800.0, 200.0, 0.4375];
+
+#[test]
+fn tg3_scale() {
+    let folder = case("tg3_scale");
+    let dir = folder.path();
+    let said = json(&succeed(dir, &["weave", "cloth.toml", "--json"]));
+    expect_cloth(&said, ROUND, 2e-3);
+    let width = said["measures"]["yarns"][0]["width_um"].as_f64().unwrap();
+    assert!((width - 100.0).abs() < 0.1, "{width} um wide");
+    // The spec takes precedence: half as large, and a quarter of the fibers.
+    let (spec, model) =
+        ["cloth.toml", "meters.tg3"].map(|name| std::fs::read_to_string(dir.join(name)).unwrap()).into();
+    let half = spec.replace("[yarn]", "um_per_unit = 5e5\n[yarn]").replace("tex = 7", "tex = 1.75");
+    std::fs::write(dir.join("own.toml"), half).unwrap();
+    let own = json(&succeed(dir, &["weave", "own.toml", "--json"]));
+    assert_eq!(own["cell_um"][0][0].as_f64().unwrap(), 400.0);
+    std::fs::write(dir.join("meters.tg3"), model.replace("\"m\"", "\"ell\"")).unwrap();
+    refused(dir, &["weave", "cloth.toml"], &["meters.tg3", "GeometryScale", "ell", "curves.um_per_unit"]);
+    succeed(dir, &["weave", "own.toml"]);
+}
+
+#[test]
+fn tg3_few_nodes() {
+    let said = weave("tg3_few_nodes");
+    expect_cloth(&said, ROUND, 5e-3);
+}
+
+#[test]
+fn tg3_flat_sections() {
+    let said = weave("tg3_flat_sections");
+    // Yarns of 180 x 40 um at 220 um, whose axes lie 50 um apart.
+    expect_cloth(&said, [440.0, 90.0, 1.0 - (0.04f64 / 0.22).powi(2)], 5e-3);
+    let yarn = &said["measures"]["yarns"][0];
+    for (key, want) in [("width_um", 180.0), ("height_um", 40.0)] {
+        let got = yarn[key].as_f64().unwrap();
+        assert!((got - want).abs() < 0.01 * want, "{key} {got}, {want} is right");
+    }
+    assert!(measure(&said, "overlap") < 0.05 && notes_with(&said, &["180 x 40 um", "side by side"]) == 1, "{said}");
+    // The mass is that of the count: 2 + 2 yarns of 7 tex in 440 x 440 um, longer by their crimp.
+    let crimp = yarn["crimp"].as_f64().unwrap();
+    let mass = 4.0 * 7.0 * 1e-3 * (1.0 + crimp) / 440e-6;
+    assert!((measure(&said, "mass_g_per_m2") / mass - 1.0).abs() < 2e-3, "{said}, {mass} is right");
+    // A count that contradicts the section: fibers of 4605 um2 fill 0.6 of 7675 um2, the section has 5655.
+    assert_eq!(notes_with(&said, &["7.0 tex", "R 49.4 um", "R 42.4 um", "5.2 tex"]), 1, "{}", said["notes"]);
+}
+
+#[test]
+fn tg3_count_and_section() {
+    let folder = case("tg3_count_and_section");
+    let dir = folder.path();
+    refused(dir, &["weave", "cloth.toml"], &["yarn.count", "100.0 tex", "R 186.8 um", "R 50.0 um", "7.2 tex"]);
+    let spec = std::fs::read_to_string(dir.join("cloth.toml")).unwrap();
+    // Fibers that fit, packed more densely, and those that go with the section.
+    for (tex, notes) in [("10.0", 1), ("7.2", 0)] {
+        std::fs::write(dir.join("cloth.toml"), spec.replace("tex = 100", &format!("tex = {tex}"))).unwrap();
+        let said = json(&succeed(dir, &["weave", "cloth.toml", "--json"]));
+        assert_eq!(notes_with(&said, &["packing = 0.84"]), notes, "{tex}: {}", said["notes"]);
+        expect_cloth(&said, ROUND, 2e-3);
+    }
+    let said = succeed(dir, &["weave", "cloth.toml"]);
+    assert!(said.contains("7.2 tex, one ply of R 50.0 um"), "{said}");
+}
+
+/// Curves that pass through each other are refused by the names of their yarns.
+#[test]
+fn tg3_yarns_through_each_other() {
+    let folder = case("tg3_few_nodes");
+    let dir = folder.path();
+    let model = std::fs::read_to_string(dir.join("three_nodes.tg3")).unwrap();
+    // Yarns 20 um thicker than the distance of their axes.
+    let thick = model.replace("Width=\"0.1\" Height=\"0.1\"", "Width=\"0.12\" Height=\"0.12\"");
+    std::fs::write(dir.join("three_nodes.tg3"), thick).unwrap();
+    refused(dir, &["weave", "cloth.toml"], &["curves.file", "% of R", "yarn 1 and yarn", "relax = true"]);
+}
+
+#[test]
+fn wif_bits() {
+    let said = weave("wif_bits");
+    assert_eq!(notes_with(&said, &["[LIFTPLAN]", "1 = 1100 is taken for 1,2"]), 1, "{}", said["notes"]);
+}

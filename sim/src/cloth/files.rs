@@ -1,16 +1,26 @@
 //! Curves in files: our own TOML, Yuksel's `.bcc` and TexGen's `.tg3`.
 
 use super::bcc::{Bcc, BccCurve};
+use super::flat::{FLAT, Strands};
+use super::measure::{strands_of, tex_of_strand};
 use super::tg3::{Tg3, Tg3Yarn};
 use super::{bcc, tg3};
 use crate::error::SimError;
 use plywave::Error;
-use plywave::cloth::{ClothCurves, ClothYarn, Lattice, PlyCurve, SourceCurves, YarnOfCloth};
+use plywave::cloth::{ClothCurves, ClothYarn, CurvePoint, Lattice, PlyCurve, SourceCurves, YarnOfCloth};
+use plywave::math::vec3::{cross, unit};
+use std::f64::consts::PI;
 use std::path::Path;
 
 /// How far the end of a curve may be off its start, moved by a vector of the cell, over the step between its
 /// points.
 const OFF: f64 = 1.5;
+/// Fewest points of a period of a `.bcc`, and of a curve.
+const MIN_POINTS: usize = 4;
+/// Fewest knots of a period of a yarn that is laid as several strands.
+const FLAT_KNOTS: usize = 16;
+/// Largest difference of two radii that is not told, over them.
+const SAME_RADIUS: f64 = 0.02;
 
 /// A kind of file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -35,16 +45,25 @@ impl CurveFormat {
     }
 }
 
-/// Curves of a file.
-pub(super) fn source_curves(source: &SourceCurves, yarn: &YarnOfCloth, bytes: &[u8]) -> Result<ClothCurves, SimError> {
+/// Curves of a file, and what is to be said of them.
+#[derive(Debug)]
+pub(super) struct Source {
+    pub curves: ClothCurves,
+    /// By kind of yarn, area of its section in the file [um2]; `None` of a file that has no sections.
+    pub section_um2: Vec<Option<f64>>,
+    pub notes: Vec<String>,
+}
+
+/// Curves of a file. `yarns` are those of the spec, by kind.
+pub(super) fn source_curves(source: &SourceCurves, yarns: &[&YarnOfCloth], bytes: &[u8]) -> Result<Source, SimError> {
     let file = &source.file;
     let refuse =
         |what: String, hint: &str| -> SimError { Error::Format { file: file.clone(), what, hint: hint.into() }.into() };
     let text = || {
         std::str::from_utf8(bytes).map_err(|_| refuse("it is not UTF-8 text".into(), "use the file as it was written"))
     };
-    match CurveFormat::of(file) {
-        Some(CurveFormat::Toml) => Ok(ClothCurves::parse(text()?, file)?),
+    let read = match CurveFormat::of(file) {
+        Some(CurveFormat::Toml) => from_toml(ClothCurves::parse(text()?, file)?),
         Some(CurveFormat::Bcc) => {
             let bcc = bcc::read(bytes).map_err(|what| refuse(what, "use a .bcc file of open curves"))?;
             let Some(cell_um) = source.cell_um else {
@@ -56,16 +75,90 @@ pub(super) fn source_curves(source: &SourceCurves, yarn: &YarnOfCloth, bytes: &[
                 }
                 .into());
             };
-            from_bcc(&bcc, cell_um, source.um_per_unit.unwrap_or(1.0), yarn)
-                .map_err(|what| refuse(what, "use curves that repeat after vectors of cell_um"))
+            from_bcc(&bcc, cell_um, source.um_per_unit.unwrap_or(1.0), yarns)
+                .map_err(|what| refuse(what, "use curves that repeat after vectors of cell_um"))?
         }
         Some(CurveFormat::Tg3) => {
             let tg3 = tg3::read(text()?).map_err(|what| refuse(what, "use a .tg3 file of TexGen"))?;
-            from_tg3(&tg3, source.cell_um, source.um_per_unit.unwrap_or(1000.0), yarn)
-                .map_err(|what| refuse(what, "use yarns with Repeat vectors in the plane"))
+            let Some(um_per_unit) = source.um_per_unit.or(tg3.um_per_unit()) else {
+                let what = format!("its GeometryScale is {:?}, a unit that is not known", tg3.scale);
+                return Err(refuse(what, "use m, cm, mm, um, nm or in, or give curves.um_per_unit in the spec"));
+            };
+            from_tg3(&tg3, source.cell_um, um_per_unit, yarns)
+                .map_err(|what| refuse(what, "use yarns with Repeat vectors in the plane"))?
         }
-        None => Err(refuse("its ending is not known".into(), "use .bcc, .tg3 or .toml")),
+        None => return Err(refuse("its ending is not known".into(), "use .bcc, .tg3 or .toml")),
+    };
+    check_kinds(&read.curves, yarns.len()).map_err(|(what, hint)| refuse(what, hint))?;
+    Ok(read)
+}
+
+/// Whether the file has the kinds of yarns of the spec.
+fn check_kinds(curves: &ClothCurves, wanted: usize) -> Result<(), (String, &'static str)> {
+    let mut kinds: Vec<u32> = curves.yarns.iter().map(|yarn| yarn.kind).collect();
+    kinds.sort_unstable();
+    kinds.dedup();
+    match (kinds.len(), wanted) {
+        (2, 1) => Err((
+            "it has yarns of two kinds, and the spec has one [yarn]".into(),
+            "give [warp] and [weft] in place of [yarn]; kind 0 is the warp, kind 1 the weft",
+        )),
+        (1, 2) => Err((
+            "its yarns are of one kind, and the spec has [warp] and [weft]".into(),
+            "give [yarn] in place of [warp] and [weft]",
+        )),
+        _ if kinds.last().is_some_and(|last| *last as usize >= wanted) => Err((
+            format!("it has yarns of the kinds {kinds:?}"),
+            "use kind 0, for the warp or the yarn, and 1, for the weft",
+        )),
+        _ => Ok(()),
     }
+}
+
+fn from_toml(curves: ClothCurves) -> Source {
+    let kinds = curves.yarns.iter().map(|yarn| yarn.kind as usize + 1).max().unwrap_or(0).min(2);
+    let section = |kind: usize| {
+        let index = curves.yarns.iter().position(|yarn| yarn.kind as usize == kind)?;
+        let of = curves.curves.iter().filter(|curve| curve.yarn as usize == index);
+        Some(of.map(|curve| curve.turns(&curves.yarns[index]) as f64 * PI * curve.radius_um.powi(2)).sum())
+    };
+    Source { section_um2: (0..kinds).map(section).collect(), curves, notes: Vec::new() }
+}
+
+/// Compares the section of each kind of yarn with that of its count. Gives notes, or key, value and hint of a
+/// count whose fibers do not fit.
+pub(super) fn compare_counts(
+    source: &Source,
+    yarns: &[&YarnOfCloth],
+    names: &[&str],
+) -> Result<Vec<String>, (String, String, String)> {
+    let mut notes = Vec::new();
+    for (kind, (yarn, name)) in yarns.iter().zip(names).enumerate() {
+        let Some(section_um2) = source.section_um2.get(kind).copied().flatten() else { continue };
+        let Some(index) = source.curves.yarns.iter().position(|of| of.kind as usize == kind) else { continue };
+        let strands = strands_of(&source.curves, index);
+        let tex = strands as f64 * tex_of_strand(yarn, strands);
+        let fibers_um2 = 1000.0 * tex / yarn.density_g_per_cm3;
+        let radius = |area: f64| (area / PI).sqrt();
+        let (own, given) = (radius(fibers_um2 / yarn.packing), radius(section_um2));
+        if (own / given - 1.0).abs() <= SAME_RADIUS {
+            continue;
+        }
+        let packing = fibers_um2 / section_um2;
+        let goes = tex * yarn.packing / packing;
+        let found = format!(
+            "{tex:.1} tex at packing {} is a round section of R {own:.1} um, and that of the file has R {given:.1} um",
+            yarn.packing
+        );
+        let count = format!("a count of {goes:.1} tex");
+        if packing > 1.0 {
+            let hint =
+                format!("{found}, which its fibers do not fit in; use {count}, which goes with it at that packing");
+            return Err((format!("{name}.count"), format!("{:.1} tex", yarn.count.tex()), hint));
+        }
+        notes.push(format!("{name}: {found}; {count}, or packing = {packing:.2}, goes with it"));
+    }
+    Ok(notes)
 }
 
 /// The bytes of a file of curves. Lengths are in um, of a `.tg3` in mm.
@@ -100,15 +193,27 @@ fn to_tg3(cloth: &ClothCurves, name: &str) -> Tg3 {
         Some(lattice) => cloth
             .curves
             .iter()
-            .map(|curve| Tg3Yarn {
-                nodes: (0..=curve.control_um.len()).map(|i| mm(curve.at(&lattice, i as f64).point_um)).collect(),
-                repeats: repeats.clone(),
-                width: 2e-3 * curve.radius_um,
-                height: 2e-3 * curve.radius_um,
+            .map(|curve| {
+                let places: Vec<CurvePoint> =
+                    (0..=curve.control_um.len()).map(|i| curve.at(&lattice, i as f64)).collect();
+                Tg3Yarn {
+                    nodes: places.iter().map(|at| mm(at.point_um)).collect(),
+                    ups: places.iter().map(|at| up_across(at.d_um)).collect(),
+                    repeats: repeats.clone(),
+                    width: 2e-3 * curve.radius_um,
+                    height: 2e-3 * curve.radius_um,
+                    is_elliptical: true,
+                    is_cubic: true,
+                }
             })
             .collect(),
     };
-    Tg3 { name: name.into(), yarns }
+    Tg3 { name: name.into(), scale: "mm".into(), yarns }
+}
+
+/// Up, where that is not along the yarn.
+fn up_across([x, y, z]: [f64; 3]) -> [f64; 3] {
+    if z.abs() > 7.0 * x.hypot(y) { [0.0, 1.0, 0.0] } else { [0.0, 0.0, 1.0] }
 }
 
 /// Points of one period and the period of an open curve: its last point is the first one moved by a vector of
@@ -138,26 +243,99 @@ fn range_of(points: &[[f64; 3]], lattice: &Lattice) -> Option<(usize, usize, [i3
     })
 }
 
-fn curves_of(all: &[(Vec<[f64; 3]>, f64)], cell_um: [[f64; 2]; 2]) -> Result<ClothCurves, String> {
+/// A curve of a file.
+struct Line {
+    points_um: Vec<[f64; 3]>,
+    /// Radius of its strands, and their places across the axis and up [um].
+    strands: Strands,
+    /// Direction that is up in the section at each point.
+    ups: Vec<[f64; 3]>,
+    section_um2: Option<f64>,
+}
+
+/// Curves of lines of at least `least` different points a period. With two `kinds` yarns along y are the
+/// first, the warp.
+fn curves_of(lines: &[Line], cell_um: [[f64; 2]; 2], least: usize, kinds: usize) -> Result<Source, String> {
     let lattice = Lattice::new(cell_um).ok_or("the vectors of its cell are parallel")?;
-    let (mut yarns, mut curves) = (Vec::new(), Vec::new());
-    for (number, (points, radius_um)) in all.iter().enumerate() {
-        let Some((first, count, shift)) = range_of(points, &lattice).filter(|(_, count, _)| *count >= 4) else {
+    let mut source = Source {
+        curves: ClothCurves { cell_um, yarns: Vec::new(), curves: Vec::new() },
+        section_um2: vec![None; kinds],
+        notes: Vec::new(),
+    };
+    let mut numbers = [0; 2];
+    for (index, line) in lines.iter().enumerate() {
+        let Some((first, count, shift)) = range_of(&line.points_um, &lattice) else {
             return Err(format!(
                 "curve {} is not periodic: it does not end a vector of the cell from its start",
-                number + 1
+                index + 1
             ));
         };
-        yarns.push(ClothYarn { kind: 0, number: number as i32, step: [0, 0], period: shift });
-        curves.push(PlyCurve::through(number as u32, *radius_um, shift, &points[first..first + count], &lattice));
+        if count < least {
+            let curve = index + 1;
+            return Err(format!("curve {curve} has {count} different points a period, and needs {least} at least"));
+        }
+        let [x, y] = lattice.vector(shift);
+        let kind = usize::from(kinds == 2 && x.abs() >= y.abs());
+        let number = numbers[kind];
+        numbers[kind] += 1;
+        source.section_um2[kind] = source.section_um2[kind].or(line.section_um2);
+        source.curves.yarns.push(ClothYarn { kind: kind as u32, number, step: [0, 0], period: shift });
+        let axis = PlyCurve::through(
+            index as u32,
+            line.strands.radius_um,
+            shift,
+            &line.points_um[first..first + count],
+            &lattice,
+        );
+        source.curves.curves.extend(strands_along(axis, line, first, count, &lattice));
     }
-    let cloth = ClothCurves { cell_um, yarns, curves };
-    cloth.check("curves").map_err(|e| e.to_string())?;
-    Ok(cloth)
+    source.curves.check("curves").map_err(|e| e.to_string())?;
+    Ok(source)
+}
+
+/// The strands of a yarn about its axis, of which a period has `count` points of the line from `first` on.
+fn strands_along(mut axis: PlyCurve, line: &Line, first: usize, count: usize, lattice: &Lattice) -> Vec<PlyCurve> {
+    let places = &line.strands.places_um;
+    let least = if places.len() > 1 { FLAT_KNOTS } else { MIN_POINTS };
+    while axis.control_um.len() < least {
+        axis = axis.refined(lattice);
+    }
+    if places.len() == 1 {
+        return vec![axis];
+    }
+    let knots = axis.control_um.len();
+    let frame = |knot: usize| {
+        let at = axis.at(lattice, knot as f64);
+        let along = unit(at.d_um);
+        let up = up_at(line, first as f64 + knot as f64 * count as f64 / knots as f64);
+        let across = unit(cross(up, along));
+        (at.point_um, across, cross(along, across))
+    };
+    let frames: Vec<_> = (0..knots).map(frame).collect();
+    let strand = |place: &[f64; 2]| {
+        let point = |(p, across, up): &([f64; 3], [f64; 3], [f64; 3])| {
+            std::array::from_fn(|k| p[k] + place[0] * across[k] + place[1] * up[k])
+        };
+        let points: Vec<[f64; 3]> = frames.iter().map(point).collect();
+        PlyCurve::through(axis.yarn, axis.radius_um, axis.shift, &points, lattice)
+    };
+    places.iter().map(strand).collect()
+}
+
+/// Direction that is up in the section at a place between two points.
+fn up_at(line: &Line, at: f64) -> [f64; 3] {
+    let i = at.floor() as usize;
+    let up = |i: usize| line.ups.get(i).or(line.ups.last()).copied().unwrap_or([0.0, 0.0, 1.0]);
+    let (a, b, t) = (up(i), up(i + 1), at - at.floor());
+    unit(std::array::from_fn(|k| (1.0 - t) * a[k] + t * b[k]))
+}
+
+fn strand_of(radius_um: f64) -> Strands {
+    Strands { radius_um, places_um: vec![[0.0; 2]] }
 }
 
 /// Curves of a `.bcc`, with the radius of the yarn.
-fn from_bcc(bcc: &Bcc, cell_um: [[f64; 2]; 2], um_per_unit: f64, yarn: &YarnOfCloth) -> Result<ClothCurves, String> {
+fn from_bcc(bcc: &Bcc, cell_um: [[f64; 2]; 2], um_per_unit: f64, yarns: &[&YarnOfCloth]) -> Result<Source, String> {
     if let Some(at) = bcc.curves.iter().position(|curve| curve.is_closed) {
         return Err(format!("curve {} is closed in itself", at + 1));
     }
@@ -167,30 +345,100 @@ fn from_bcc(bcc: &Bcc, cell_um: [[f64; 2]; 2], um_per_unit: f64, yarn: &YarnOfCl
         1 => [p[2], p[0], p[1]],
         _ => *p,
     };
-    let of = |curve: &BccCurve| {
-        let points = curve.points.iter().map(|p| turned(p).map(|v| v * um_per_unit)).collect();
-        (points, yarn.strand_radius_um())
+    let of = |curve: &BccCurve| Line {
+        points_um: curve.points.iter().map(|p| turned(p).map(|v| v * um_per_unit)).collect(),
+        strands: strand_of(yarns[0].strand_radius_um()),
+        ups: Vec::new(),
+        section_um2: None,
     };
-    curves_of(&bcc.curves.iter().map(of).collect::<Vec<_>>(), cell_um)
+    let lines: Vec<Line> = bcc.curves.iter().map(of).collect();
+    let mut source = curves_of(&lines, cell_um, MIN_POINTS, yarns.len())?;
+    // Which yarn a curve is shows by its direction.
+    for curve in &mut source.curves.curves {
+        curve.radius_um = yarns[source.curves.yarns[curve.yarn as usize].kind as usize].strand_radius_um();
+    }
+    Ok(source)
 }
 
-/// Curves of a `.tg3`; the radius of a yarn is that of a circle of the area of its section.
+/// Curves of a `.tg3`: round strands, or several of them side by side where sections are flat.
 fn from_tg3(
     tg3: &Tg3,
     cell_um: Option<[[f64; 2]; 2]>,
     um_per_unit: f64,
-    yarn: &YarnOfCloth,
-) -> Result<ClothCurves, String> {
+    yarns: &[&YarnOfCloth],
+) -> Result<Source, String> {
     let repeats = tg3.yarns.first().map_or(&[][..], |yarn| &yarn.repeats);
     let cell_um = match (cell_um, repeats) {
         (Some(cell), _) => cell,
         (None, [a, b, ..]) => [a, b].map(|v| [v[0] * um_per_unit, v[1] * um_per_unit]),
         (None, _) => return Err("its yarns have no two Repeat vectors".into()),
     };
-    let of = |tg3: &Tg3Yarn| {
-        let points: Vec<[f64; 3]> = tg3.nodes.iter().map(|p| p.map(|v| v * um_per_unit)).collect();
-        let radius_um = 0.5 * (tg3.width * tg3.height).sqrt() * um_per_unit;
-        (points, if radius_um > 0.0 { radius_um } else { yarn.strand_radius_um() })
+    let of = |(index, tg3): (usize, &Tg3Yarn)| -> Result<Line, String> {
+        let [width_um, height_um] = [tg3.width, tg3.height].map(|v| v * um_per_unit);
+        let has_section = width_um > 0.0 && height_um > 0.0;
+        let strands = match has_section {
+            false => Some(strand_of(yarns[0].strand_radius_um())),
+            true => Strands::of_section(width_um, height_um),
+        };
+        let what = || {
+            format!(
+                "the section of yarn {} is {width_um:.0} x {height_um:.0} um, too flat for strands side by side",
+                index + 1
+            )
+        };
+        Ok(Line {
+            points_um: tg3.nodes.iter().map(|p| p.map(|v| v * um_per_unit)).collect(),
+            strands: strands.ok_or_else(what)?,
+            ups: tg3.ups.clone(),
+            section_um2: has_section.then_some(0.25 * PI * width_um * height_um),
+        })
     };
-    curves_of(&tg3.yarns.iter().map(of).collect::<Vec<_>>(), cell_um)
+    let lines = tg3.yarns.iter().enumerate().map(of).collect::<Result<Vec<_>, _>>()?;
+    let mut source = curves_of(&lines, cell_um, 1, yarns.len())?;
+    source.notes = tg3_notes(tg3, &lines, um_per_unit);
+    Ok(source)
+}
+
+/// What is taken for what in a `.tg3`.
+fn tg3_notes(tg3: &Tg3, lines: &[Line], um_per_unit: f64) -> Vec<String> {
+    let mut notes = Vec::new();
+    let count = |is: &dyn Fn(&Tg3Yarn) -> bool| tg3.yarns.iter().filter(|yarn| is(yarn)).count();
+    let flat = lines.iter().zip(&tg3.yarns).filter(|(line, _)| line.strands.places_um.len() > 1);
+    if let Some((Line { strands, section_um2, .. }, yarn)) = flat.clone().next() {
+        let several = strands.places_um.len();
+        let share = several as f64 * PI * strands.radius_um.powi(2) / section_um2.unwrap_or(f64::INFINITY);
+        notes.push(format!(
+            "flat sections of {} of {} yarns are laid as strands side by side: {:.0} x {:.0} um as {several} of R {:.2} um, as wide and high, \
+             of {:.0} % of the area",
+            flat.count(),
+            tg3.yarns.len(),
+            yarn.width * um_per_unit,
+            yarn.height * um_per_unit,
+            strands.radius_um,
+            100.0 * share
+        ));
+    }
+    let slightly =
+        count(&|yarn| yarn.width != yarn.height && yarn.width.max(yarn.height) < FLAT * yarn.width.min(yarn.height));
+    if slightly > 0 {
+        notes.push(format!(
+            "slightly flat sections of {slightly} of {} yarns are taken as round ones of their area",
+            tg3.yarns.len()
+        ));
+    }
+    let other = count(&|yarn| !yarn.is_elliptical);
+    if other > 0 {
+        notes.push(format!(
+            "sections of {other} of {} yarns that are no ellipses are taken as ellipses of their width and height",
+            tg3.yarns.len()
+        ));
+    }
+    let other = count(&|yarn| !yarn.is_cubic);
+    if other > 0 {
+        notes.push(format!(
+            "{other} of {} yarns that are not interpolated by CInterpolationCubic are taken so",
+            tg3.yarns.len()
+        ));
+    }
+    notes
 }

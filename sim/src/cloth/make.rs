@@ -1,6 +1,6 @@
 //! From a cloth spec to relaxed curves.
 
-use super::files::source_curves;
+use super::files::{compare_counts, source_curves};
 use super::knitted;
 use super::measure::{ClothMeasures, measure};
 use super::ready::Effort;
@@ -9,10 +9,13 @@ use super::woven::{MAX_NODES, Start, woven};
 use crate::error::SimError;
 use plywave::Error;
 use plywave::cloth::{Buckets, ClothCurves, ClothSpec, ClothWeave, Lattice, PlyCurve, YarnOfCloth};
-use plywave::cloth::{Draft, WeaveSpec, Wif};
+use plywave::cloth::{Draft, NamedWeave, WeaveSpec, Wif};
 
-/// Largest unbalanced force of a relaxed cloth, over the mean tension of a strand.
-const MAX_FORCE: f64 = 0.05;
+/// Largest unbalanced force of a cloth at rest, over the mean tension of a strand.
+pub const MAX_FORCE: f64 = 0.05;
+/// Largest overlap of two plies of a cloth over their mean radius: what relaxed yarns reach, and what light
+/// does not show.
+const MAX_SHARED: f64 = 0.05;
 /// Factor by which the spacings of a cloth that is too dense grow until it goes, how often at most, and how
 /// often the last step is halved.
 const WIDER: f64 = 1.3;
@@ -33,6 +36,20 @@ pub struct MadeCloth {
     /// By kind of yarn, colors [sRGB, 0 to 1] of the yarns by their number, from the stripes of the spec or
     /// the WIF; none where there are none.
     pub colors: [Vec<[f32; 3]>; 2],
+}
+
+impl MadeCloth {
+    /// Of a cloth that did not come to rest, a line that says by how much and what to do; it is the first of
+    /// the notes.
+    pub fn unrest(&self) -> Option<String> {
+        self.relaxed.filter(|relaxed| relaxed.force > MAX_FORCE).map(|relaxed| {
+            format!(
+                "the cloth did not come to rest: forces up to {:.2} of the tension are not balanced after {} steps, {MAX_FORCE} is the limit; \
+                 give its yarns more room: wider spacings or stitches, finer yarns, a lower stiffness or a larger thickness_um",
+                relaxed.force, relaxed.steps
+            )
+        })
+    }
 }
 
 /// Spacings that are taken from a WIF [um]: programs that leave it to a default write all kinds of numbers.
@@ -114,6 +131,7 @@ pub fn make_cloth(
             let (start, relaxed) = relaxed(at(1.0)?, spec.thickness_um, effort, go_on)?;
             if relaxed.overlap <= MAX_OVERLAP {
                 let mut made = finished(start, spec, Some(relaxed), notes)?;
+                check_shared(&made, spec).map_err(|(value, what)| invalid("weave", value, what))?;
                 for (own, colors) in made.colors.iter_mut().zip(in_wif) {
                     if own.is_empty() {
                         *own = colors;
@@ -159,19 +177,29 @@ pub fn make_cloth(
             let start = knitted::knitted(knit, yarn).map_err(|(key, value, hint)| invalid(key, value, hint))?;
             let (start, relaxed) = relaxed(start, spec.thickness_um, effort, go_on)?;
             check_overlap(&relaxed, yarn).map_err(|(value, hint)| invalid("yarn.count", value, hint))?;
-            finished(start, spec, Some(relaxed), notes)
+            let made = finished(start, spec, Some(relaxed), notes)?;
+            check_shared(&made, spec).map_err(|(value, what)| invalid("knit", value, what))?;
+            Ok(made)
         }
-        ClothWeave::Curves(source, yarn) => {
-            let curves = source_curves(source, yarn, &read(&source.file)?)?;
+        ClothWeave::Curves(source, ..) => {
+            let yarns = spec.yarns();
+            let read = source_curves(source, &yarns, &read(&source.file)?)?;
+            let names: Vec<&str> = (0..yarns.len()).map(|kind| spec.kind_name(kind)).collect();
+            notes.extend(read.notes.iter().cloned());
+            notes.extend(
+                compare_counts(&read, &yarns, &names).map_err(|(key, value, hint)| invalid(&key, value, hint))?,
+            );
+            let curves = read.curves;
             let lattice = curves.lattice(&source.file)?;
             if !source.relax {
-                let measures = measure(&curves, &lattice, &spec.yarns())?;
-                if measures.overlap > 1.0 {
-                    let value = format!("{:.0} % of a radius", 100.0 * measures.overlap);
-                    return Err(invalid("curves.file", value, "its curves cross each other; use relax = true".into()));
-                }
-                let colors = [yarn.colors(), Vec::new()];
-                return Ok(MadeCloth { curves, measures, relaxed: None, notes, colors });
+                let measures = measure(&curves, &lattice, &yarns)?;
+                let colors = colors_of(spec);
+                let made = MadeCloth { curves, measures, relaxed: None, notes, colors };
+                check_shared(&made, spec).map_err(|(value, what)| {
+                    let hint = format!("{what}; use relax = true, or curves that do not pass through each other");
+                    invalid("curves.file", value, hint)
+                })?;
+                return Ok(made);
             }
             let nodes: f64 = curves.curves.iter().map(|curve| nodes_of(curve, &lattice) as f64).sum();
             let largest = curves.curves.iter().map(|curve| curve.radius_um).fold(0.0, f64::max);
@@ -181,10 +209,14 @@ pub fn make_cloth(
                     format!("its curves are too long to relax; use relax = false, or {MAX_NODES:.0e} nodes at most");
                 return Err(invalid("curves.file", format!("{nodes:.1e} nodes"), hint));
             }
-            let start = start_of(&curves, lattice, yarn);
+            let start = start_of(&curves, lattice, &yarns);
             let (start, relaxed) = relaxed(start, spec.thickness_um, effort, go_on)?;
-            check_overlap(&relaxed, yarn).map_err(|(value, hint)| invalid("yarn.count", value, hint))?;
-            finished(start, spec, Some(relaxed), notes)
+            let made = finished(start, spec, Some(relaxed), notes)?;
+            check_shared(&made, spec).map_err(|(value, what)| {
+                let hint = format!("{what} after {} steps; use finer yarns or a wider cell", relaxed.steps);
+                invalid("curves.file", value, hint)
+            })?;
+            Ok(made)
         }
     }
 }
@@ -201,11 +233,48 @@ fn check_overlap(relaxed: &Relaxed, yarn: &YarnOfCloth) -> Result<(), (String, S
     Err((format!("{:.2} tex", yarn.count.tex()), hint))
 }
 
+/// Value and words where plies share more room than those of a cloth do: the yarns, by their names.
+fn check_shared(made: &MadeCloth, spec: &ClothSpec) -> Result<(), (String, String)> {
+    let m = &made.measures;
+    if m.overlap <= MAX_SHARED {
+        return Ok(());
+    }
+    let name = |index: u32| {
+        let yarn = &made.curves.yarns[index as usize];
+        format!("{} {}", spec.kind_name(yarn.kind as usize), yarn.number + 1)
+    };
+    let [a, b] = m.overlap_yarns;
+    let which = match a == b {
+        true => format!("{} overlaps itself or its image in the next cell", name(a)),
+        false => format!("{} and {} overlap", name(a), name(b)),
+    };
+    let limit = 100.0 * MAX_SHARED;
+    Err((format!("an overlap of {:.1} % of R", 100.0 * m.overlap), format!("{which}, by more than {limit} % of R")))
+}
+
+fn colors_of(spec: &ClothSpec) -> [Vec<[f32; 3]>; 2] {
+    let mut colors = <[Vec<[f32; 3]>; 2]>::default();
+    colors.iter_mut().zip(spec.yarns()).for_each(|(colors, yarn)| *colors = yarn.colors());
+    colors
+}
+
+/// What a houndstooth without its colors is.
+fn houndstooth_note(spec: &ClothSpec) -> Option<String> {
+    let has_teeth = |yarn: &&YarnOfCloth| {
+        let stripes: Vec<usize> = yarn.stripes.iter().map(|stripe| stripe.count).collect();
+        stripes == [4, 4]
+    };
+    let is_one = matches!(spec.weave, Some(WeaveSpec::Named(NamedWeave::Houndstooth)));
+    (is_one && !spec.yarns().iter().all(has_teeth)).then(|| {
+        "a houndstooth is a 2/2 twill of four dark and four light yarns in turn: give warp and weft stripes of 4 and 4".into()
+    })
+}
+
 /// What is to be said of twists that a periodic cloth cannot have.
 fn twist_notes(start: &Start, spec: &ClothSpec) -> Vec<String> {
-    let names: &[&str] = if spec.weave.is_some() { &["warp", "weft"] } else { &["yarn"] };
     let mut notes = Vec::new();
-    for (name, (kind, yarn)) in names.iter().zip(spec.yarns().iter().enumerate()) {
+    for (kind, yarn) in spec.yarns().iter().enumerate() {
+        let name = spec.kind_name(kind);
         let Some((_, used)) = start.twists.iter().find(|(of, _)| *of as usize == kind) else { continue };
         let (used, wanted) = (1e6 * used.abs(), yarn.twist_per_m);
         if (used - wanted).abs() > 0.02 * wanted {
@@ -232,21 +301,16 @@ fn finished(
     relaxed: Option<Relaxed>,
     mut notes: Vec<String>,
 ) -> Result<MadeCloth, SimError> {
-    if let Some(relaxed) = relaxed.filter(|relaxed| relaxed.force > MAX_FORCE) {
-        notes.push(format!(
-            "forces up to {:.2} of the tension are not balanced after {} steps",
-            relaxed.force, relaxed.steps
-        ));
-    }
     notes.splice(0..0, twist_notes(&start, spec));
+    notes.extend(houndstooth_note(spec));
     let lattice = start.elements.lattice;
     let curves =
         start.elements.chains.iter().zip(&start.of_chain).map(|(chain, yarn)| smooth(chain, *yarn, &lattice)).collect();
     let curves = ClothCurves { cell_um: lattice.cell_um, yarns: start.yarns, curves };
     let measures = measure(&curves, &lattice, &spec.yarns())?;
-    let mut colors = <[Vec<[f32; 3]>; 2]>::default();
-    colors.iter_mut().zip(spec.yarns()).for_each(|(colors, yarn)| *colors = yarn.colors());
-    Ok(MadeCloth { curves, measures, relaxed, notes, colors })
+    let mut made = MadeCloth { curves, measures, relaxed, notes, colors: colors_of(spec) };
+    made.notes.splice(0..0, made.unrest());
+    Ok(made)
 }
 
 /// The curve of a chain, which lies at the mean height of its elements: they are chords, by l^2 kappa / 12
@@ -261,11 +325,13 @@ fn smooth(chain: &Chain, yarn: u32, lattice: &Lattice) -> PlyCurve {
 }
 
 /// Chains of curves that were read.
-fn start_of(curves: &ClothCurves, lattice: Lattice, yarn: &YarnOfCloth) -> Start {
+fn start_of(curves: &ClothCurves, lattice: Lattice, yarns: &[&YarnOfCloth]) -> Start {
     let chains = curves
         .curves
         .iter()
         .map(|curve| {
+            // The kinds of the file are those of the spec.
+            let yarn = yarns[curves.yarns[curve.yarn as usize].kind as usize];
             let nodes = nodes_of(curve, &lattice);
             let knots = curve.control_um.len() as f64;
             let points_um = (0..nodes).map(|i| curve.at(&lattice, i as f64 * knots / nodes as f64).point_um).collect();

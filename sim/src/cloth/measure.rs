@@ -14,6 +14,8 @@ const LINES: usize = 40_000;
 const STEPS: [f64; 2] = [0.754_877_666_246_692_8, 0.569_840_290_998_053_3];
 /// Samples of a curve from knot to knot.
 const SAMPLES: usize = 2;
+/// Curvature of a strand that counts as straight, over one per its radius.
+const STRAIGHT: f64 = 1e-6;
 
 /// Measures of the yarns of one kind.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
@@ -28,7 +30,11 @@ pub struct YarnMeasures {
     pub width_um: f64,
     /// Mean height of its sections [um].
     pub height_um: f64,
-    /// Least radius of curvature of a ply or bundle over its radius.
+    /// Radius of its plies or bundles, the mean of the curves [um].
+    pub strand_radius_um: f64,
+    /// Plies or bundles of a yarn.
+    pub strands: usize,
+    /// Least radius of curvature of a ply or bundle over its radius; infinite where all are straight.
     pub least_bend: f64,
 }
 
@@ -45,6 +51,8 @@ pub struct ClothMeasures {
     pub mass_g_per_m2: f64,
     /// Largest overlap of two plies over their mean radius.
     pub overlap: f64,
+    /// The yarns of these plies, by their index; one of them twice where a yarn overlaps itself or its image.
+    pub overlap_yarns: [u32; 2],
 }
 
 fn norm(a: [f64; 3]) -> f64 {
@@ -162,21 +170,40 @@ pub fn measure(cloth: &ClothCurves, lattice: &Lattice, yarns: &[&YarnOfCloth]) -
         .iter()
         .map(|curve| {
             let spec = yarns.get(cloth.yarns[curve.yarn as usize].kind as usize);
+            let tex = spec.map_or(0.0, |spec| tex_of_strand(spec, strands_of(cloth, curve.yarn as usize)));
             // Grams a kilometer times um over um2.
-            spec.map_or(0.0, |spec| 1e3 * spec.strand_tex() * curve.length_um(lattice) / lattice.area_um2())
+            1e3 * tex * curve.length_um(lattice) / lattice.area_um2()
         })
         .sum();
+    let (overlap, overlap_yarns) = overlap(cloth, lattice, &pieces);
     Ok(ClothMeasures {
         yarns: kinds.into_iter().map(|kind| yarns_of(cloth, lattice, kind)).collect(),
         thickness_um: top - low,
         openness: openness(lattice, &lines),
         mass_g_per_m2: mass,
-        overlap: overlap(cloth, lattice, &pieces),
+        overlap,
+        overlap_yarns,
     })
+}
+
+/// Number of strands of a yarn: its curves, each as often as the yarn meets itself on it.
+pub(super) fn strands_of(cloth: &ClothCurves, index: usize) -> usize {
+    let of = cloth.curves.iter().filter(|curve| curve.yarn as usize == index);
+    of.map(|curve| curve.turns(&cloth.yarns[index])).sum()
+}
+
+/// Grams a kilometer of each of so many strands of a yarn. Several have the count of the yarn between them; a
+/// lone one is one ply or bundle.
+pub(super) fn tex_of_strand(spec: &YarnOfCloth, strands: usize) -> f64 {
+    match strands {
+        0 | 1 => spec.strand_tex(),
+        _ => spec.strand_tex() * spec.strands() as f64 / strands as f64,
+    }
 }
 
 fn yarns_of(cloth: &ClothCurves, lattice: &Lattice, kind: u32) -> YarnMeasures {
     let (mut length, mut straight, mut size, mut count) = (0.0, 0.0, [0.0; 2], 0.0);
+    let (mut radii, mut curves, mut of_yarn) = (0.0, 0.0, 0);
     let mut least_bend = f64::INFINITY;
     for index in (0..cloth.yarns.len()).filter(|i| cloth.yarns[*i].kind == kind) {
         let strands = Strands::new(cloth, lattice, index);
@@ -194,19 +221,27 @@ fn yarns_of(cloth: &ClothCurves, lattice: &Lattice, kind: u32) -> YarnMeasures {
             size[1] += height;
             count += 1.0;
         }
+        of_yarn = strands.all.len();
         for (curve, _) in &strands.all {
+            radii += curve.radius_um;
+            curves += 1.0;
             for i in 0..2 * curve.control_um.len() {
                 let kappa = curve.at(lattice, 0.5 * i as f64).curvature_per_um();
-                least_bend = least_bend.min(1.0 / (kappa * curve.radius_um).max(1e-12));
+                if kappa * curve.radius_um > STRAIGHT {
+                    least_bend = least_bend.min(1.0 / (kappa * curve.radius_um));
+                }
             }
         }
     }
     YarnMeasures {
         kind,
-        crimp: length / straight - 1.0,
+        // A straight yarn is shorter than straight by rounding.
+        crimp: (length / straight - 1.0).max(0.0),
         length_um: length,
         width_um: size[0] / count,
         height_um: size[1] / count,
+        strand_radius_um: radii / curves,
+        strands: of_yarn,
         least_bend,
     }
 }
@@ -226,13 +261,13 @@ fn openness(lattice: &Lattice, lines: &ClothLines) -> f64 {
 }
 
 /// Largest overlap of two curves over their mean radius, by distances from the ends and middles of short
-/// pieces to other pieces.
-fn overlap(cloth: &ClothCurves, lattice: &Lattice, pieces: &[Piece]) -> f64 {
+/// pieces to other pieces, and the yarns of these curves.
+fn overlap(cloth: &ClothCurves, lattice: &Lattice, pieces: &[Piece]) -> (f64, [u32; 2]) {
     let middle = |p: &Piece| -> [f64; 3] { std::array::from_fn(|k| 0.5 * (p.from[k] + p.to[k])) };
     let points: Vec<[f64; 3]> = pieces.iter().map(middle).collect();
     let half = |p: &Piece| 0.5 * norm(sub(p.to, p.from));
     let buckets = Buckets::new(lattice, &points, 2.0 * reach_of(pieces));
-    let mut largest = 0.0f64;
+    let (mut largest, mut yarns) = (0.0f64, [0; 2]);
     for (i, piece) in pieces.iter().enumerate() {
         let curve = &cloth.curves[piece.curve];
         buckets.near(points[i], |j, cells| {
@@ -255,11 +290,14 @@ fn overlap(cloth: &ClothCurves, lattice: &Lattice, pieces: &[Piece]) -> f64 {
                 let t = (dot(w, d) / dot(d, d).max(1e-12)).clamp(0.0, 1.0);
                 let apart = norm([w[0] - t * d[0], w[1] - t * d[1], w[2] - t * d[2]]);
                 let sum = piece.radius + other.radius;
-                largest = largest.max((sum - apart) / (0.5 * sum));
+                let overlap = (sum - apart) / (0.5 * sum);
+                if overlap > largest {
+                    (largest, yarns) = (overlap, [curve.yarn, cloth.curves[other.curve].yarn]);
+                }
             }
         });
     }
-    largest
+    (largest, yarns)
 }
 
 /// Which ply holds a point of the cloth, and which lies on top.

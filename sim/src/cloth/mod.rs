@@ -6,6 +6,7 @@
 
 mod bcc;
 mod files;
+mod flat;
 mod hairs;
 mod knit;
 mod knitted;
@@ -19,7 +20,7 @@ mod woven;
 
 pub use files::{CurveFormat, write_curves};
 pub use hairs::{Hair, HairKind, HairRoots};
-pub use make::{MadeCloth, make_cloth};
+pub use make::{MAX_FORCE, MadeCloth, make_cloth};
 pub use measure::{ClothMeasures, ClothSolid, YarnMeasures, measure};
 pub use ready::{ClothStep, Effort, Told, make_ready};
 pub use relax::{MAX_OVERLAP, Relaxed};

@@ -1,6 +1,6 @@
 //! Models of TexGen (`.tg3`): XML with the yarns of a textile. Of the many elements that TexGen writes
-//! these are read: `MasterNode` (Position), `Repeat` (value), the first section of `YarnSection` (Width and
-//! Height). Lengths are in the unit of the model, usually mm. TexGen: L. P. Brown and A. C. Long,
+//! these are read: `Textile` (GeometryScale), `Interpolation` (type), `MasterNode` (Position, Up), `Repeat`
+//! (value), the sections of `YarnSection` (type, Width and Height). TexGen: L. P. Brown and A. C. Long,
 //! "Modelling the geometry of textile reinforcements for composites: TexGen", in P. Boisse (ed.), Composite
 //! reinforcements for optimum performance, 2nd ed. (2021).
 
@@ -10,23 +10,52 @@ use std::fmt::Write;
 /// Most yarns, and most nodes of all.
 const MAX_NODES: usize = 1 << 20;
 
+/// Units of lengths by the names that models have for them, in um.
+const UNITS: &[(&str, f64)] = &[
+    ("mm", 1e3),
+    ("m", 1e6),
+    ("dm", 1e5),
+    ("cm", 1e4),
+    ("um", 1.0),
+    ("\u{b5}m", 1.0),
+    ("\u{3bc}m", 1.0),
+    ("nm", 1e-3),
+    ("in", 25_400.0),
+    ("inch", 25_400.0),
+];
+
 /// A yarn.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Tg3Yarn {
     /// Master nodes.
     pub nodes: Vec<[f64; 3]>,
+    /// Direction that is up in the section of each node.
+    pub ups: Vec<[f64; 3]>,
     /// Vectors by which the yarn repeats.
     pub repeats: Vec<[f64; 3]>,
     /// Size of its section; 0 where the file has none of width and height.
     pub width: f64,
     pub height: f64,
+    /// Whether all of its sections are ellipses.
+    pub is_elliptical: bool,
+    /// Whether its nodes are joined by cubic curves.
+    pub is_cubic: bool,
 }
 
 /// A model with one textile.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Tg3 {
     pub name: String,
+    /// Unit of its lengths.
+    pub scale: String,
     pub yarns: Vec<Tg3Yarn>,
+}
+
+impl Tg3 {
+    /// Micrometers of its unit; `None` of one that is not known.
+    pub fn um_per_unit(&self) -> Option<f64> {
+        UNITS.iter().find(|(name, _)| self.scale.trim().eq_ignore_ascii_case(name)).map(|(_, um)| *um)
+    }
 }
 
 fn numbers(node: Node<'_, '_>, name: &str) -> Result<[f64; 3], String> {
@@ -59,7 +88,10 @@ pub(super) fn read(text: &str) -> Result<Tg3, String> {
     let mut count = 0;
     for yarn in textile.children().filter(|node| node.has_tag_name("Yarn")) {
         let nodes = yarn.children().filter(|node| node.has_tag_name("MasterNode"));
-        let nodes = nodes.map(|node| numbers(node, "Position")).collect::<Result<Vec<_>, _>>()?;
+        // Without a direction a section stands upright.
+        let up = |node: Node<'_, '_>| numbers(node, "Up").unwrap_or([0.0, 0.0, 1.0]);
+        let (nodes, ups): (Vec<_>, Vec<_>) = nodes.map(|node| (numbers(node, "Position"), up(node))).unzip();
+        let nodes = nodes.into_iter().collect::<Result<Vec<_>, _>>()?;
         let repeats = yarn.children().filter(|node| node.has_tag_name("Repeat"));
         let repeats = repeats.map(|node| numbers(node, "value")).collect::<Result<Vec<_>, _>>()?;
         // A section that changes along the yarn counts by its mean.
@@ -67,17 +99,24 @@ pub(super) fn read(text: &str) -> Result<Tg3, String> {
         let count_of = sections.len().max(1) as f64;
         let [width, height] = ["Width", "Height"]
             .map(|name| sections.iter().map(|section| number(*section, name)).sum::<f64>() / count_of);
+        let type_of = |node: Node<'_, '_>| node.attribute("type").unwrap_or_default().to_string();
+        let is_elliptical = sections.iter().all(|section| type_of(*section) == "CSectionEllipse");
+        let is_cubic = yarn
+            .children()
+            .filter(|node| node.has_tag_name("Interpolation"))
+            .all(|node| type_of(node) == "CInterpolationCubic");
         count += nodes.len();
         if count > MAX_NODES {
             return Err(format!("it has more than {MAX_NODES} nodes"));
         }
-        yarns.push(Tg3Yarn { nodes, repeats, width, height });
+        yarns.push(Tg3Yarn { nodes, ups, repeats, width, height, is_elliptical, is_cubic });
     }
     if yarns.is_empty() {
         let hint = "in TexGen save it with full output";
         return Err(format!("its Textile has no Yarn: {hint}"));
     }
-    Ok(Tg3 { name: textile.attribute("name").unwrap_or_default().into(), yarns })
+    let scale = textile.attribute("GeometryScale").map_or("mm".into(), |text| plywave::one_line(text, 40));
+    Ok(Tg3 { name: textile.attribute("name").unwrap_or_default().into(), scale, yarns })
 }
 
 /// The text of a file: constant elliptical sections, periodic cubic curves, a box of one period as domain.
@@ -91,7 +130,10 @@ pub(super) fn write(tg3: &Tg3) -> String {
         let _ = out.write_fmt(format_args!("{text}\n"));
     };
     line(format_args!("<?xml version=\"1.0\" ?>\n<TexGenModel version=\"3.13.2\">"));
-    line(format_args!("<Textile name=\"{name}\" GeometryScale=\"mm\" type=\"CTextile\" NeedsBuilding=\"0\">"));
+    line(format_args!(
+        "<Textile name=\"{name}\" GeometryScale=\"{}\" type=\"CTextile\" NeedsBuilding=\"0\">",
+        tg3.scale
+    ));
     line(format_args!("<Domain type=\"CDomainPlanes\">"));
     let [low, high] = domain(&tg3.yarns);
     for axis in 0..3 {
@@ -115,12 +157,9 @@ pub(super) fn write(tg3: &Tg3) -> String {
             line(format_args!("<Repeat value=\"{}\" />", xyz(repeat)));
         }
         for (i, node) in yarn.nodes.iter().enumerate() {
-            let (before, after) = (yarn.nodes[i.saturating_sub(1)], yarn.nodes[(i + 1).min(yarn.nodes.len() - 1)]);
-            let [x, y, z] = [0, 1, 2].map(|k| after[k] - before[k]);
-            // Up must not lie along the yarn.
-            let up = if z.abs() > 7.0 * x.hypot(y) { "0, 1, 0" } else { "0, 0, 1" };
+            let up = yarn.ups.get(i).copied().unwrap_or([0.0, 0.0, 1.0]);
             let place = format_args!("index=\"{i}\" Position=\"{}\"", xyz(node));
-            line(format_args!("<MasterNode {place} Tangent=\"0, 0, 0\" Up=\"{up}\" />"));
+            line(format_args!("<MasterNode {place} Tangent=\"0, 0, 0\" Up=\"{}\" />", xyz(&up)));
         }
         line(format_args!("</Yarn>"));
     }
@@ -150,11 +189,25 @@ mod tests {
     fn sample() -> Tg3 {
         let yarn = |y: f64| Tg3Yarn {
             nodes: (0..5).map(|i| [0.25 * f64::from(i), y, 0.1]).collect(),
+            ups: vec![[0.0, 0.0, 1.0]; 5],
             repeats: vec![[1.0, 0.0, 0.0], [0.0, 2.0, 0.0]],
             width: 0.5,
             height: 0.25,
+            is_elliptical: true,
+            is_cubic: true,
         };
-        Tg3 { name: "plain".into(), yarns: vec![yarn(0.0), yarn(1.0)] }
+        Tg3 { name: "plain".into(), scale: "mm".into(), yarns: vec![yarn(0.0), yarn(1.0)] }
+    }
+
+    #[test]
+    fn lengths_have_the_unit_of_the_model() {
+        for (scale, um) in [("m", 1e6), ("mm", 1e3), ("um", 1.0), ("\u{3bc}m", 1.0), ("nm", 1e-3), ("in", 25_400.0)] {
+            let text = write(&sample()).replace("GeometryScale=\"mm\"", &format!("GeometryScale=\"{scale}\""));
+            assert_eq!(read(&text).unwrap().um_per_unit(), Some(um), "{scale}");
+        }
+        let text = write(&sample());
+        assert_eq!(read(&text.replace("GeometryScale=\"mm\" ", "")).unwrap().um_per_unit(), Some(1e3));
+        assert_eq!(read(&text.replace("\"mm\"", "\"furlong\"")).unwrap().um_per_unit(), None);
     }
 
     #[test]

@@ -203,7 +203,7 @@ mod tests {
         assert_eq!(least_cell(&Draft::plain()), [1, 1, 2]);
         assert_eq!(least_cell(&Draft::satin(5, 2).unwrap()), [1, 3, 5]);
         assert_eq!(least_cell(&Draft::twill(3, 1).unwrap()), [1, 1, 4]);
-        assert_eq!(least_cell(&Draft::basket(2).unwrap()), [2, 2, 4]);
+        assert_eq!(least_cell(&Draft::hopsack(2, 2).unwrap()), [2, 2, 4]);
         assert_eq!(least_cell(&Draft::layers()), [1, 0, 1]);
         // Twice a plain weave, written out.
         let wide = Draft::from_fn(4, 6, |pick, end| (pick + end) % 2 == 0).unwrap();

@@ -134,8 +134,8 @@ fn cloths_are_as_thick_as_measured_ones() {
     };
     for (name, weave, picks, thickness_um) in [
         ("plain", "kind = \"plain\"", 20.0, 480.0),
-        ("2/2 twill", "kind = \"twill\"\nup = 2\ndown = 2", 24.0, 530.0),
-        ("3/1 twill", "kind = \"twill\"\nup = 3\ndown = 1", 24.0, 500.0),
+        ("2/2 twill", "kind = \"twill 2/2\"", 24.0, 530.0),
+        ("3/1 twill", "kind = \"twill 3/1\"", 24.0, 500.0),
     ] {
         let text = woven(weave, &yarn(28.3, "ends_per_cm", 45.0), &yarn(36.9, "picks_per_cm", picks));
         let m = made(&text).unwrap().measures;
@@ -188,7 +188,7 @@ fn shipped_cloths_are_at_rest() {
 #[test]
 fn threads_do_not_change_a_cloth() {
     let yarn = |key: &str| format!("count = {{ tex = 20 }}\nbundles = 3\ntwist_per_m = 700\n{key} = 30");
-    let text = woven("kind = \"twill\"\nup = 2\ndown = 1", &yarn("ends_per_cm"), &yarn("picks_per_cm"));
+    let text = woven("kind = \"twill 2/1\"", &yarn("ends_per_cm"), &yarn("picks_per_cm"));
     let on = |threads: usize| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         pool.install(|| made(&text).unwrap().curves)
@@ -266,8 +266,7 @@ fn measures_are_those_of_lines_and_points() {
 #[test]
 fn curves_come_back_from_files() {
     let yarn = |key: &str| format!("count = {{ tex = 20 }}\nplies = 2\ntwist_per_m = 600\n{key} = 18");
-    let cloth =
-        made(&woven("kind = \"twill\"\nup = 2\ndown = 1", &yarn("ends_per_cm"), &yarn("picks_per_cm"))).unwrap();
+    let cloth = made(&woven("kind = \"twill 2/1\"", &yarn("ends_per_cm"), &yarn("picks_per_cm"))).unwrap();
     let [a, b] = cloth.curves.cell_um;
     for (ending, cell) in
         [("bcc", format!("cell_um = [{a:?}, {b:?}]\n")), ("tg3", String::new()), ("toml", String::new())]

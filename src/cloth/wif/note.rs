@@ -19,6 +19,8 @@ pub enum WifNoteKind {
     SpareLines,
     /// Shafts or treadles beyond those of the loom.
     Loom,
+    /// Lines of ones and zeros in place of numbers.
+    Bits,
     /// Whether shafts rise or sink.
     Shed,
     /// A lift plan that differs from tie-up and treadling.
@@ -31,7 +33,7 @@ pub enum WifNoteKind {
     LooseYarns,
     /// Layers of cloth that no yarn joins.
     FallsApart,
-    /// Colors that the table lacks, or that a yarn lacks.
+    /// Colors that the table lacks, that a yarn lacks, or that cannot be read.
     Colors,
     /// The range of the colors' numbers.
     ColorRange,

@@ -134,18 +134,41 @@ impl<'a> Ini<'a> {
     }
 
     /// [`Ini::rows`] of shafts or treadles: numbers from 1 to `most`, which 0, for none, is left out of.
-    /// Lines of none are left out as well.
-    pub fn loom_rows(&self, section: &'static str, most: usize, notes: &mut Notes) -> Result<Rows> {
-        let mut rows = self.rows(section, notes)?;
+    /// Lines of none are left out as well. `of` says what is numbered and how many of it there are, if that
+    /// is known: lines of as many ones and zeros name those with a one.
+    pub fn loom_rows(&self, section: &'static str, most: usize, of: Loom, notes: &mut Notes) -> Result<Rows> {
+        let bits = of.count.and_then(|count| bits(&self.lines(section, notes), count));
+        let mut rows = match bits {
+            Some(lines) => {
+                let (first, list) = lines.first_key_value().map_or((0, &[][..]), |(n, list)| (*n, list));
+                let given = line(self.text(section, &first.to_string()).unwrap_or_default());
+                let numbers: Vec<String> = list.iter().map(u64::to_string).collect();
+                let numbers = if numbers.is_empty() { "none".into() } else { numbers.join(",") };
+                let finding = format!(
+                    "[{section}] has a one or a zero for each {}, the first on the left: {first} = {given} is taken for {numbers}",
+                    of.name
+                );
+                notes.add(WifNoteKind::Bits, finding);
+                Rows { section, lines }
+            }
+            None => self.rows(section, notes)?,
+        };
         for (number, list) in &mut rows.lines {
             list.retain(|n| *n != 0);
             if list.iter().any(|n| *n > most as u64) {
-                let given = self.text(section, &number.to_string()).unwrap_or("(too large)");
-                return Err(self.invalid(section, &number.to_string(), given, format!("use numbers from 1 to {most}")));
+                return Err(self.beyond(section, *number, list, of.name, of.count.unwrap_or(most)));
             }
         }
         rows.lines.retain(|_, list| !list.is_empty());
         Ok(rows)
+    }
+
+    /// A refusal of a line that names what the loom does not have.
+    pub fn beyond(&self, section: &str, line: usize, list: &[u64], name: &str, count: usize) -> Error {
+        let given = self.text(section, &line.to_string()).unwrap_or("(too large)");
+        let greatest = list.iter().max().copied().unwrap_or(0);
+        let hint = format!("{name} {greatest} of a loom of {count}; {name}s are numbers with commas, such as 1,2");
+        self.invalid(section, &line.to_string(), given, hint)
     }
 
     /// Positive numbers by the numbered lines of a section; lines of others are left out.
@@ -169,6 +192,39 @@ impl<'a> Ini<'a> {
         }
         lines
     }
+}
+
+/// What the lists of a section number: shafts or treadles, and how many there are.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Loom {
+    pub name: &'static str,
+    pub count: Option<usize>,
+}
+
+/// Lines that have a one or a zero for each of `count`, as lists of numbers: `1100`, `1,1,0,0` or `1 1 0 0`
+/// for 1 and 2. `None` where lines can be lists of numbers as they stand: where no number is beyond `count`
+/// and none is named twice or after a zero.
+fn bits(lines: &BTreeMap<usize, &str>, count: usize) -> Option<BTreeMap<usize, Vec<u64>>> {
+    let row = |given: &str| -> Option<Vec<bool>> {
+        let is_bit = |c: char| c == '0' || c == '1';
+        let digits: Vec<char> = given.chars().filter(|c| !(c.is_whitespace() || *c == ',')).collect();
+        let is_packed = digits.len() == given.len();
+        // Between separators stands one digit each.
+        let is_spread = given.split([',', ' ', '\t']).all(|word| word.trim().len() <= 1);
+        let fits = digits.len() == count && digits.iter().all(|c| is_bit(*c)) && (is_packed || is_spread);
+        fits.then(|| digits.into_iter().map(|c| c == '1').collect())
+    };
+    let rows: Option<BTreeMap<usize, Vec<bool>>> =
+        lines.iter().map(|(number, given)| Some((*number, row(given)?))).collect();
+    let is_no_list = |given: &&str| match numbers(given).as_deref() {
+        // Of a hundred digits.
+        None => true,
+        Some([one]) => *one > count as u64,
+        Some(list) => list.iter().filter(|n| **n == 1).count() > 1 || list.windows(2).any(|w| w == [0, 1]),
+    };
+    let rows = rows.filter(|_| count > 1 && lines.values().any(is_no_list))?;
+    let ones = |row: Vec<bool>| (1..).zip(row).filter(|(_, is)| *is).map(|(n, _)| n).collect();
+    Some(rows.into_iter().map(|(number, row)| (number, ones(row))).collect())
 }
 
 /// Numbered lines of a section.
@@ -261,6 +317,25 @@ mod tests {
         assert!(["x", "1,x", "-1", "1;", "2.5", "nan", "1e99", "0x1", "1-4"].iter().all(|t| numbers(t).is_none()));
         assert_eq!([real("0.212"), real("0,212"), real(".5 cm"), real("2e-1")], [0.212, 0.212, 0.5, 0.2].map(Some));
         assert!(["", "0", "-1", "nan", "inf", "x", "1.000,5"].iter().all(|t| real(t).is_none()));
+    }
+
+    /// Rows of a plan of four.
+    #[test]
+    fn ones_and_zeros_are_told_from_numbers() {
+        let of = |given: &[&str]| {
+            let lines = given.iter().enumerate().map(|(k, given)| (k + 1, *given)).collect();
+            bits(&lines, 4).map(|rows| rows.into_values().collect::<Vec<_>>())
+        };
+        let twill = Some(vec![vec![1, 2], vec![2, 3], vec![3, 4], vec![1, 4]]);
+        assert_eq!(of(&["1100", "0110", "0011", "1001"]), twill);
+        assert_eq!(of(&["1,1,0,0", "0,1,1,0", "0, 0, 1, 1", "1,0,0,1"]), twill);
+        assert_eq!(of(&["1 1 0 0", "0 1 1 0", "0 0 1 1", "1 0 0 1"]), twill);
+        assert_eq!(of(&["1000", "0000"]), Some(vec![vec![1], vec![]]));
+        // Numbers with zeros before them, lists filled up with zeros, and rows of another length.
+        for numbers in [&["0001", "0001"][..], &["1,0,0,0"], &["1", "0"], &["1,2", "0"], &["110", "011"], &["11000"]] {
+            assert_eq!(of(numbers), None, "{numbers:?}");
+        }
+        assert_eq!(of(&["1100", "2"]), None);
     }
 
     #[test]
