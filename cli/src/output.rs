@@ -129,9 +129,7 @@ pub fn write_set<P: AsRef<Path>, B: AsRef<[u8]>>(files: &[(P, B)]) -> Outcome {
 /// What a failed write to a file means.
 fn unwritten(error: plywave::Error) -> Failure {
     match error {
-        plywave::Error::Io { file, source } => {
-            Failure::input(file, "-o", source, "choose a place that can be written")
-        }
+        plywave::Error::Io { file, source } => Failure::input(file, "-o", source, "choose a place that can be written"),
         other => other.into(),
     }
 }

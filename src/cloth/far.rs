@@ -11,8 +11,8 @@
 //! hairs, whose layer (`hair_layer.rs`) is added to the mean.
 //!
 //! Energy. With theta_o = -theta_i + t |t|^(1/2) w, w the angle from the cone to the axis on its side, the
-//! integral of f is `sum over the sides of w integral f cos theta_o d(t |t|^(1/2)) dphi`: of entries that hold
-//! the cosine it is w times a fixed sum of them, exact between views too. Of the light that first plies
+//! integral of f is `sum over the sides of w integral f cos theta_o d(t |t|^(1/2)) dphi`: of entries that
+//! hold the cosine it is w times a fixed sum of them, exact between views too. Of the light that first plies
 //! scatter, [`BetweenAt`] says what other plies catch; the rest leaves straight from its ply. f of each kind
 //! is scaled to that rest, so that no light is made or lost between the nodes of the table
 //! (sim/tests/it/cloth_energy.rs). The mean is as reciprocal as the cloth.
@@ -358,9 +358,9 @@ impl Far {
         (tables, FarData::opening_numbers(&self.openings))
     }
 
-    /// Seen from `wo`, for the absorptions of warp and weft; f has the table's own energies, of what passes the
-    /// hairs over it, until [`PliesAt::conserve`]. Then the energy that passes all plies, and the apertures that
-    /// it passes.
+    /// Seen from `wo`, for the absorptions of warp and weft; f has the table's own energies, of what passes
+    /// the hairs over it, until [`PliesAt::conserve`]. Then the energy that passes all plies, and the
+    /// apertures that it passes.
     ///
     /// What clear plies of both kinds scatter and what passes are interpolated between views about different
     /// axes; together they are the beam, 1, to which they are scaled.

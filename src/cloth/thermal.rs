@@ -26,3 +26,29 @@ pub struct Thermal {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub permeability: Option<f64>,
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::ClothSpec;
+
+    const KNIT: &str = "name = \"k\"\n[knit]\nkind = \"jersey\"\nwales_per_cm = 10\ncourses_per_cm = 14\nloop_mm = 3\n\
+                        [yarn]\ncount = { tex = 20 }\ndensity_g_per_cm3 = 1.5\n";
+
+    #[test]
+    fn heat_is_taken_or_refused() {
+        let parse = |keys: &str| ClothSpec::parse(&format!("{KNIT}[thermal]\n{keys}"), "k.toml");
+        // Those of a shade of pyWinCalc's examples; together 1 is the most.
+        let thermal = parse("emissivity_front = 0.79626\nir_transmittance = 0.10916").unwrap().thermal.unwrap();
+        assert_eq!((thermal.emissivity_front, thermal.ir_transmittance), (Some(0.79626), Some(0.10916)));
+        assert!(parse("emissivity_front = 0.7\nemissivity_back = 0.9\nir_transmittance = 0.1").is_ok());
+        for (keys, expected) in [
+            ("emissivity_front = 1.2", "thermal.emissivity_front = 1.2: use a number from 0 to 1"),
+            ("conductivity_w_per_m_k = 0", "thermal.conductivity_w_per_m_k = 0: use a number from 0.001 to 1000"),
+            ("openness = 0.1", "thermal.openness = 0.1: unknown key"),
+            ("emissivity_back = 0.8\nir_transmittance = 0.3", "thermal.emissivity_back = 0.8: must be 1 - ir_transm"),
+        ] {
+            let message = parse(keys).unwrap_err().to_string();
+            assert!(message.starts_with("k.toml: ") && message.contains(expected), "got {message}\nwant {expected}");
+        }
+    }
+}

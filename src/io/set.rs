@@ -78,8 +78,8 @@ impl FileSet {
         Ok(())
     }
 
-    /// Removes the other names of what was replaced, and flushes the folders: a rename is on the disk once its
-    /// folder is, and some file systems do not flush folders.
+    /// Removes the other names of what was replaced, and flushes the folders: a rename is on the disk once
+    /// its folder is, and some file systems do not flush folders.
     fn forget_old(&self) {
         for staged in &self.files {
             if let Some(old) = &staged.old {

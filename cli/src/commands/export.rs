@@ -36,7 +36,8 @@ pub fn run(cli: &Cli, args: &ExportArgs) -> Outcome {
     let bar = Bar::new("export", "directions", cli.quiet);
     let tell = |Progress { done, total, .. }: Progress| bar.update("export", done, total);
     let run = Run { progress: Some(&tell), stop: Some(&STOP), ..Run::plain() };
-    let exported = on_threads(cli, || export(&data, format, &paths, &options, &run))?.map_err(runs::pipeline_failure)?;
+    let exported =
+        on_threads(cli, || export(&data, format, &paths, &options, &run))?.map_err(runs::pipeline_failure)?;
     let time = bar.finish();
     let written = progress::stoppable(|| exported.save()).map_err(runs::pipeline_failure)?;
     notes.extend(exported.notes.iter().cloned());

@@ -74,7 +74,11 @@ pub const RULES: Rules = Rules {
                 optional("segments", Kind::Integer(1, 60_000), "32"),
                 optional("seed", Kind::Integer(0, i64::MAX), "1"),
                 optional("basis", Kind::Choice(&["bspline", "linear"]), "bspline"),
-                optional("whole", Kind::Custom(Custom { expected: "true or false", check: truth }), "true of .hair and .obj"),
+                optional(
+                    "whole",
+                    Kind::Custom(Custom { expected: "true or false", check: truth }),
+                    "true of .hair and .obj",
+                ),
                 optional("mm_per_unit", Kind::Number(1e-6, 1e6), "1"),
                 optional("shape", Kind::Choice(&["tube", "band"]), "tube"),
             ]),

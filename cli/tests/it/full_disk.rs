@@ -1,6 +1,7 @@
 //! A full disk: what a command writes is whole or absent, all of its files or none, it says so in one line,
-//! and what was there before stays. The disk is a file system in memory of some KiB, in a mount namespace of its own that ends with the
-//! command; where the system allows no such namespace, the tests print why and end.
+//! and what was there before stays. The disk is a file system in memory of some KiB, in a mount namespace of
+//! its own that ends with the command; where the system allows no such namespace, the tests print why and
+//! end.
 #![cfg(target_os = "linux")]
 
 use crate::common::{ANY_FIT, folder, succeed, text, write_cloth};

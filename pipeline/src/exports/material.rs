@@ -67,8 +67,8 @@ pub struct Fit {
     /// Mean over the views of reflectance and transmittance less straight light: of the cloth, of the
     /// material.
     pub energy: [[f64; 2]; 2],
-    /// Reflected and transmitted light of the material, with what passes beside fibers, of the view that has the
-    /// most of it.
+    /// Reflected and transmitted light of the material, with what passes beside fibers, of the view that has
+    /// the most of it.
     pub largest_total: f64,
     /// Error of the reflected f within lobes: of directions where the glossy lobes, the fuzz and diffuse
     /// light are the largest part of the material's.
@@ -198,8 +198,8 @@ fn gloss_of(x: &[f64]) -> [Gloss; 2] {
 /// Share of a parameter's range within which it is at a bound.
 const AT_BOUND: f64 = 1e-3;
 
-/// Fitted parameters that are at a bound; `kinds` of yarns are there. A lower bound of 0 is none: it says that
-/// there is no such effect.
+/// Fitted parameters that are at a bound; `kinds` of yarns are there. A lower bound of 0 is none: it says
+/// that there is no such effect.
 fn at_bounds(x: &[f64], kinds: [bool; 2]) -> Vec<Bound> {
     let yarn = |k: usize| if kinds[1 - k] { [" of the warp", " of the weft"][k] } else { "" };
     let of_kind = |name: &str, k: usize| kinds[k].then(|| format!("{name}{}", yarn(k)));

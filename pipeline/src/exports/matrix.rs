@@ -73,8 +73,8 @@ impl Matrix {
         let towards = [true, false].map(|up| lights.iter().map(|at| outgoing(*at, up)).collect::<Vec<_>>());
         let per_patch = steps.outgoing * steps.outgoing;
         let share = 1.0 / (steps.incident * steps.incident) as f64;
-        // Of one incident patch: `[reflected, transmitted][band][outgoing]`, straight light, and energies of all
-        // light that leaves, by band.
+        // Of one incident patch: `[reflected, transmitted][band][outgoing]`, straight light, and energies of
+        // all light that leaves, by band.
         type Column = ([[Vec<f64>; BANDS]; 2], f64, [f64; BANDS]);
         let column = |number: usize| -> Result<Column, Error> {
             run.check_stop()?;
@@ -147,9 +147,9 @@ impl Matrix {
     /// Makes a band reciprocal and its columns of these energies.
     ///
     /// Values of a pair of directions, one way and the other, are two estimates of the same number, whose
-    /// mean S is kept. The energies are those of the cloth's own accounts, which quadrature over patches and S
-    /// miss by some percent: S is scaled to `d(a) S(a, b) d(b)`, with the positive d that gives each column its
-    /// energy (Sinkhorn and Knopp 1967). Straight light is a part of S.
+    /// mean S is kept. The energies are those of the cloth's own accounts, which quadrature over patches and
+    /// S miss by some percent: S is scaled to `d(a) S(a, b) d(b)`, with the positive d that gives each column
+    /// its energy (Sinkhorn and Knopp 1967). Straight light is a part of S.
     fn balance(&mut self, band: usize, energies: &[f64]) {
         let count = 2 * self.basis.len();
         let value = |matrix: &Matrix, from: usize, to: usize| {

@@ -38,7 +38,8 @@ const NODE_STEP: usize = 5;
 pub struct Rgl {
     /// The bytes.
     pub bytes: Vec<u8>,
-    /// Reflected light of the file and transmitted light of the cloth, of the omega_i that has the most of both.
+    /// Reflected light of the file and transmitted light of the cloth, of the omega_i that has the most of
+    /// both.
     pub largest_total: f64,
     /// Largest change of a view's light when it was scaled to the cloth's.
     pub energy_change: f64,

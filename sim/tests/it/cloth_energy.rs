@@ -15,8 +15,8 @@ fn query(at: [f32; 2], wo: [f32; 3], footprint_um: f32) -> ClothQuery<'static, 3
     ClothQuery { sigma_per_um: [Some(SIGMAS); 2], footprint_um, ..ClothQuery::new(at, wo, [0.55; 3]) }
 }
 
-/// Integrals over the half of the viewer and over the other, by the middles of parts that are finer towards the
-/// plane.
+/// Integrals over the half of the viewer and over the other, by the middles of parts that are finer towards
+/// the plane.
 fn integrals(at: &impl Bsdf<3>, side: f32) -> [[f64; 3]; 2] {
     const ROWS: usize = 160;
     const COLUMNS: usize = 180;

@@ -154,8 +154,8 @@ pub(super) fn light_between(paths: &ClothPaths<'_>, effort: Effort, told: Told<'
     Ok(InterYarn::new([side(0), side(1)]))
 }
 
-/// A polynomial of integral 1 with as much of the constant one as makes it 0 or more in every direction: shading
-/// takes a negative value as 0, which would add light.
+/// A polynomial of integral 1 with as much of the constant one as makes it 0 or more in every direction:
+/// shading takes a negative value as 0, which would add light.
 fn not_negative(poly: Poly) -> Poly {
     const ROWS: usize = 24;
     const COLUMNS: usize = 48;
