@@ -98,6 +98,10 @@ impl FileSet {
 impl Staged {
     fn place(&mut self) -> std::io::Result<()> {
         if let Ok(old) = fs::metadata(&self.target) {
+            // What has come there since the set was begun and is no file is not moved away.
+            if !old.is_file() {
+                return Err(taken());
+            }
             fs::set_permissions(&self.temporary, old.permissions())?;
             self.old = Some(second_name(&self.target)?);
         }
