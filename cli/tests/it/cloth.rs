@@ -104,7 +104,7 @@ fn curves_of_two_yarns_come_back() {
 
 /// A cloth is made of curves of two yarns.
 #[test]
-#[ignore = "slow: 60 s: a cloth of curves of two yarns"]
+#[ignore = "slow: 10 s: a cloth of curves of two yarns"]
 fn curves_of_two_yarns_make_a_cloth() {
     let shipped = Path::new(env!("CARGO_MANIFEST_DIR")).join("../fabrics/cloths/plies");
     let yarn = |tex: f64| {
