@@ -270,7 +270,7 @@ mod tests {
         bar.set_prefix("simulate");
         bar.set_position(2);
         let told = |seconds: u64| line(&bar, "steps", Duration::from_secs(seconds), Duration::from_secs(30));
-        assert_eq!(told(130), "simulate: 25 %, 2 min 10 s, 1 min 30 s left");
+        assert_eq!(told(130), "simulate: 25 %, 2 min 10 s, 90.0 s left");
         bar.set_position(0);
         assert_eq!(told(10), "simulate: 0 %, 10.0 s");
         bar.set_position(400);

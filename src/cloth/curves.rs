@@ -118,7 +118,7 @@ impl PlyCurve {
         let control = |i: usize| {
             // Counted from the last one of the period before.
             let [x, y, z] = self.control_um[(i + n - 1) % n];
-            let turns = ((i + n - 1) / n) as f64 - 1.0;
+            let turns = i.div_ceil(n) as f64 - 1.0;
             [x + turns * period[0], y + turns * period[1], z]
         };
         let mut control_um = Vec::with_capacity(2 * n);

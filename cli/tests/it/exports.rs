@@ -69,6 +69,6 @@ fn what_is_printed_explains_itself() {
     let dir = folder.path();
     write_cloth(dir);
     let out = succeed(dir, &["export", "cloth.pwc", "--to", "tensortree", "--squares", "8"]);
-    assert!(out.contains("asymmetry") && out.contains("how far the file is from reciprocity"), "{out}");
+    assert!(out.contains("asymmetry") && out.contains("how far apart both directions were"), "{out}");
     assert!(out.contains("emissivity front") && out.contains("[thermal]"), "{out}");
 }
