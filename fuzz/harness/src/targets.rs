@@ -230,12 +230,16 @@ pub fn cloth(bytes: &[u8]) {
     }
 }
 
-/// Curves of a cloth in each of their formats, and lines through them.
+/// Curves of a cloth in each of their formats, of one kind of yarn and of two, and lines through them.
 pub fn curves(bytes: &[u8]) {
     let mut rng = seeded(bytes);
-    for ending in ["toml", "bcc", "tg3"] {
+    let yarn = |name: &str| format!("[{name}]\ncount = {{ tex = 2.833 }}\ndensity_g_per_cm3 = 1.38\n");
+    let yarns = [yarn("yarn"), yarn("warp") + &yarn("weft")];
+    for (ending, yarns) in
+        ["toml", "bcc", "tg3"].into_iter().flat_map(|ending| yarns.iter().map(move |of| (ending, of)))
+    {
         let text = format!(
-            "name = \"x\"\n[curves]\nfile = \"x.{ending}\"\n{}[yarn]\ncount = {{ tex = 2.833 }}\ndensity_g_per_cm3 = 1.38\n",
+            "name = \"x\"\n[curves]\nfile = \"x.{ending}\"\n{}{yarns}",
             if ending == "bcc" { "cell_um = [[250.0, 250.0], [0.0, 500.0]]\n" } else { "" }
         );
         let spec = ClothSpec::parse(&text, "c.toml").expect("a good spec");
