@@ -135,12 +135,12 @@ fn colors_slits_and_unevenness_are_held_together() {
         assert!(message.starts_with("cloth.toml: ") && message.contains(expected), "got {message}\nwant {expected}");
     }
     // The forms of one color: in a spec, its color is the same.
-    let red = Some([200.0 / 255.0, 30.0 / 255.0, 40.0 / 255.0]);
+    let red = [200.0 / 255.0, 30.0 / 255.0, 40.0 / 255.0];
     for form in ["[200, 30, 40]", "\"#c81e28\"", "\"200, 30, 40\""] {
         let parsed = ClothSpec::parse(&spec(&format!("srgb = {form}")), "red").unwrap();
-        assert_eq!(parsed.yarns()[0].srgb, red, "{form}");
+        assert_eq!(parsed.yarns()[0].srgb, Some(red), "{form}");
         let stripe = format!("stripes = [{{ count = 1, srgb = {form} }}]");
-        assert_eq!(ClothSpec::parse(&spec(&stripe), "red").unwrap().yarns()[0].stripes[0].srgb, red.unwrap());
+        assert_eq!(ClothSpec::parse(&spec(&stripe), "red").unwrap().yarns()[0].stripes[0].srgb, red);
     }
     let striped = spec("stripes = [{ count = 2, srgb = [1, 0, 0] }, { count = 1, srgb = [0, 0, 1] }]");
     let spec = ClothSpec::parse(&striped, "striped").unwrap();
