@@ -48,7 +48,7 @@ fn clear_cloths_lose_nothing_and_are_reciprocal() {
     println!("R + T is off by at most {worst}; {:?}", matrix.balanced);
     assert!(worst < 2e-3, "{worst}");
     // Balancing mends a quadrature, it does not make the light: without it patches were nearly right.
-    assert!(matrix.balanced.energy_change < 0.03 && matrix.balanced.asymmetry < 0.08, "{:?}", matrix.balanced);
+    assert!(matrix.balanced.energy_change < 0.03 && matrix.balanced.asymmetry < 0.05, "{:?}", matrix.balanced);
     // Of no absorption, visible and solar are one.
     assert!((matrix.hemispherical(0, 0, 0) - matrix.hemispherical(0, 0, 1)).abs() < 1e-6);
     assert!(matrix.asymmetry() < 1e-6, "{}", matrix.asymmetry());
