@@ -144,11 +144,11 @@ const DOWN: usize = MAX_NEAR + 2;
 
 /// Least share of a ply's light that counts as free: in some directions all of it is, and weights are as
 /// large as this is small.
-const MIN_FREE: f32 = 0.4;
+const MIN_FREE: f32 = 0.5;
 /// Chance of light between yarns over its energy. Its samples, by the cosine, lie most where least is in the
 /// shadow and so stand in for those of plies there: more lessens the variance of weights and raises the
 /// largest one of clear cloths.
-const FOR_SHADOWS: f32 = 1.29;
+const FOR_SHADOWS: f32 = 1.35;
 
 /// A cloth at a query, for N wavelengths; of the ply that the line meets the lobes are interpolated once.
 #[derive(Clone, Copy, Debug)]

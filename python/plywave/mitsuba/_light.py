@@ -13,7 +13,7 @@ from ._tables import MAX_NEAR
 #: Plies that are kept: the first one that the line hits, and those behind it.
 KEPT = MAX_NEAR + 1
 # src/cloth/bsdf.rs
-MIN_FREE, FOR_SHADOWS = 0.4, 1.29
+MIN_FREE, FOR_SHADOWS = 0.5, 1.35
 
 
 def answer(self, si, own, wo, between, s, of_plies, spectra, hairs):
