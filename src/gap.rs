@@ -181,10 +181,7 @@ fn beam_excess(spread: f32, xi_i: [f32; 3], lambda_um: f32) -> f32 {
 }
 
 /// [`crate::math::faddeeva::spectra`], compiled for several instruction sets.
-#[multiversion(targets(
-    "x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+avx2+bmi1+bmi2+fma",
-    "x86_64+avx2+bmi1+bmi2+fma"
-))]
+#[multiversion(targets("x86_64+avx2+bmi1+bmi2+fma"))]
 pub(crate) fn spectra<const N: usize>(factors: [&Factor; 2], f_per_um: [&[f32; N]; 2]) -> [[f32; N]; 2] {
     const FMA: bool = target_cfg_f!(target_feature = "fma") || cfg!(target_arch = "aarch64");
     crate::math::faddeeva::spectra::<FMA, N>(factors, f_per_um)

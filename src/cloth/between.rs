@@ -174,10 +174,7 @@ fn mixed<const T: usize>(of: &[[f32; T]; PAIRS], corners: &Corners) -> [f32; T] 
     mixed
 }
 
-#[multiversion(targets(
-    "x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+avx2+bmi1+bmi2+fma",
-    "x86_64+avx2+bmi1+bmi2+fma"
-))]
+#[multiversion(targets("x86_64+avx2+bmi1+bmi2+fma"))]
 fn light<'a, const N: usize>(
     side: &'a Side,
     a: [f32; 3],
@@ -268,10 +265,7 @@ fn light<'a, const N: usize>(
     at
 }
 
-#[multiversion(targets(
-    "x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+avx2+bmi1+bmi2+fma",
-    "x86_64+avx2+bmi1+bmi2+fma"
-))]
+#[multiversion(targets("x86_64+avx2+bmi1+bmi2+fma"))]
 fn eval<const N: usize>(shapes: &[Poly; PAIRS], corners: &[Corners; N], b: [f32; 3]) -> [f32; N] {
     let (t, cos) = (terms(b), b[2].abs());
     let mut f = [0.0; N];

@@ -180,7 +180,7 @@ impl<'a, const N: usize> ClothBsdf<'a, N> {
     pub(crate) fn empty() -> Self {
         ClothBsdf {
             main: None,
-            prepared: Prepared::Nothing,
+            prepared: Prepared::nothing(),
             others: [const { None }; MAX_NEAR],
             hairs: None,
             passes: Passes::Straight,
@@ -325,7 +325,7 @@ impl<const N: usize> ClothBsdf<'_, N> {
             let Some(ply) = ply else { continue };
             match &known {
                 Some((known, light)) if *known == i + 1 => ply.add(b, to_ply(&ply.frame, b), light, &mut f, &mut pdf),
-                _ => ply.eval_pdf(&Prepared::Nothing, b, &mut f, &mut pdf),
+                _ => ply.eval_pdf(&Prepared::NOTHING, b, &mut f, &mut pdf),
             }
         }
         if let Some(hairs) = &self.hairs {
@@ -364,7 +364,7 @@ impl<const N: usize> ClothBsdf<'_, N> {
         for (i, ply) in self.others.iter().enumerate() {
             let Some(ply) = ply else { continue };
             if remaining < ply.chance {
-                let drawn = ply.sample(&Prepared::Nothing, rescaled(remaining, ply.chance));
+                let drawn = ply.sample(&Prepared::NOTHING, rescaled(remaining, ply.chance));
                 return drawn.map(|(w, light)| (w, Some((i + 1, light))));
             }
             remaining -= ply.chance;
@@ -413,7 +413,7 @@ impl ClothBsdf<'_, SIGMAS> {
         }
         for ply in self.others.iter().flatten().filter(|ply| is_of(ply.class)) {
             scatters(ply.class, ply.arrives, &ply.energy);
-            let mut prepared = Prepared::Nothing;
+            let mut prepared = Prepared::nothing();
             ply.ply.prepare_into(&mut prepared);
             ply.add_all(&prepared, lights, &mut seen.f);
         }
@@ -437,7 +437,7 @@ impl<const N: usize> Bsdf<N> for ClothBsdf<'_, N> {
         let mut pdf = self.between_pdf(b) + self.hairs.as_ref().map_or(0.0, |hairs| hairs.pdf(b));
         self.passing(b, &mut [0.0; N], &mut pdf);
         pdf += self.main.as_ref().map_or(0.0, |ply| ply.pdf(&self.prepared, b));
-        pdf + self.others.iter().flatten().map(|ply| ply.pdf(&Prepared::Nothing, b)).sum::<f32>()
+        pdf + self.others.iter().flatten().map(|ply| ply.pdf(&Prepared::NOTHING, b)).sum::<f32>()
     }
 
     fn eval_pdf(&self, w: [f32; 3]) -> ([f32; N], f32) {

@@ -267,10 +267,7 @@ impl ClothLines {
 
 /// Calls `each` for the plies of a grid within `beside_um` of the line from `from` [um] in direction `w`
 /// (unit), voxel by voxel, until hardly any light is left by the shares that `each` says pass.
-#[multiversion(targets(
-    "x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+avx2+bmi1+bmi2+fma",
-    "x86_64+avx2+bmi1+bmi2+fma"
-))]
+#[multiversion(targets("x86_64+avx2+bmi1+bmi2+fma"))]
 pub(super) fn visit<F: FnMut(LineHit) -> f32>(
     cloth: &ClothLines,
     (grid, beside_um): (&Grid, f32),

@@ -340,7 +340,7 @@ impl ClothModel {
                     continue;
                 };
                 let mut ply = self.near_ply((hit, class), model.uncached_at(&ply_query), arrives, wo);
-                let r_d = ply.energies(&Prepared::Nothing);
+                let r_d = ply.energies(&Prepared::NOTHING);
                 // Of less than this of the line, what rims catch counts as passing.
                 if arrives * (1.0 - r_d) < MIN_CAUGHT {
                     continue;

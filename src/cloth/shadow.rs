@@ -99,10 +99,7 @@ impl Toward {
 /// Chances of being free in a direction, of light of each kind that leaves so across a ply whose axis lies
 /// `off` from the yarn's, over the ply's radius, which is `scale` of half of the yarn's width. The first and
 /// the last of them leave at the first place, the other at the second.
-#[multiversion(targets(
-    "x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+avx2+bmi1+bmi2+fma",
-    "x86_64+avx2+bmi1+bmi2+fma"
-))]
+#[multiversion(targets("x86_64+avx2+bmi1+bmi2+fma"))]
 pub(crate) fn free<'a>(
     places: &[ShadowsAt<'a>; 2],
     toward: &Toward,

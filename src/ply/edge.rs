@@ -1,7 +1,6 @@
 //! Edge lobes at run time: bandwidths interpolated for N wavelengths side by side, the lobe's value, density
 //! and sampling.
 
-use super::kernel::compiled::{compiled, same, same_ref};
 use super::kernel::lobe::{amplitudes, disc_point, disc_share, norm, root_width, shape, sin_cos};
 use crate::math::simd::{fma, max, min};
 use crate::ply::EdgeLobes;
@@ -126,21 +125,14 @@ impl Edge<'_> {
         [wo[0], fma::<FMA>(c, wo[2], -s * wo[1]), fma::<FMA>(-c, wo[1], -s * wo[2])]
     }
 
-    /// sqrt(mu1 log2 e) and sqrt(mu2 log2 e) at the W wavelengths from `from` on.
+    /// sqrt(mu1 log2 e) and sqrt(mu2 log2 e) at the first W wavelengths.
     #[inline(always)]
-    fn widths<const FMA: bool, const W: usize, const N: usize>(
-        &self,
-        lambda_um: &[f32; N],
-        from: usize,
-    ) -> ([f32; W], [f32; W]) {
+    fn widths<const FMA: bool, const W: usize>(&self, lambda_um: &[f32]) -> ([f32; W], [f32; W]) {
         let t = self.tables;
         let per_row = t.lambda.last as usize;
         let (mut s1, mut s2) = ([0.0; W], [0.0; W]);
-        for k in 0..W {
-            if from + k >= N {
-                break;
-            }
-            let (l, fl) = t.lambda.place(lambda_um[from + k]);
+        for (k, lambda) in lambda_um.iter().enumerate().take(W) {
+            let (l, fl) = t.lambda.place(*lambda);
             let Some([low, high]) = t.cells.get(self.e * per_row + l) else { continue };
             let mut m = [0.0; 4];
             for i in 0..4 {
@@ -155,40 +147,36 @@ impl Edge<'_> {
         (s1, s2)
     }
 
-    /// Values [1/sr] in direction `wo`, and the mean over the wavelengths of the densities with which
-    /// [`Edge::sample`] returns it; the mean stays 0 without `PDF`.
+    /// Values [1/sr] in direction `wo` by wavelength; returns the mean over the wavelengths of the densities
+    /// with which [`Edge::sample`] returns it, 0 without `PDF`.
     #[inline(always)]
-    fn eval<const FMA: bool, const PDF: bool, const N: usize>(
-        &self,
-        lambda_um: &[f32; N],
-        wo: [f32; 3],
-    ) -> ([f32; N], f32) {
+    fn eval<const FMA: bool, const PDF: bool>(&self, lambda_um: &[f32], wo: [f32; 3], values: &mut [f32]) -> f32 {
+        values.fill(0.0);
+        let [u, w, cz] = self.project::<FMA>(wo);
+        let Some([least1, least2]) = self.tables.least.get(self.e) else { return 0.0 };
+        // Where the widest lobe is dark, all are; most directions are far from the lobe.
+        if !(cz > 0.0 && fma::<FMA>(least1 * u, u, least2 * w * w) < DARK) {
+            return 0.0;
+        }
         if self.tables.narrow.get(self.e) == Some(&true) {
-            self.values::<FMA, PDF, true, N>(lambda_um, wo)
+            self.values::<FMA, PDF, true>(lambda_um, [u, w, cz], values)
         } else {
-            self.values::<FMA, PDF, false, N>(lambda_um, wo)
+            self.values::<FMA, PDF, false>(lambda_um, [u, w, cz], values)
         }
     }
 
-    /// [`Edge::eval`]; where all lobes are `CLOSE` to their axis, value and density are the same and need no
-    /// normalization.
+    /// [`Edge::eval`] by the components of the direction; where all lobes are `CLOSE` to their axis, value and
+    /// density are the same and need no normalization.
     #[inline(always)]
-    fn values<const FMA: bool, const PDF: bool, const CLOSE: bool, const N: usize>(
+    fn values<const FMA: bool, const PDF: bool, const CLOSE: bool>(
         &self,
-        lambda_um: &[f32; N],
-        wo: [f32; 3],
-    ) -> ([f32; N], f32) {
-        let (mut values, mut pdf) = ([0.0; N], 0.0);
-        let [u, w, cz] = self.project::<FMA>(wo);
-        let Some([least1, least2]) = self.tables.least.get(self.e) else { return (values, 0.0) };
-        // Where the widest lobe is dark, all are; most directions are far from the lobe.
-        let lit = cz > 0.0 && fma::<FMA>(least1 * u, u, least2 * w * w) < DARK;
-        if !lit {
-            return (values, 0.0);
-        }
-        let mut from = 0;
-        while from < N {
-            let (s1, s2) = self.widths::<FMA, LANES, N>(lambda_um, from);
+        lambda_um: &[f32],
+        [u, w, cz]: [f32; 3],
+        values: &mut [f32],
+    ) -> f32 {
+        let mut pdf = 0.0;
+        for (lambda_um, values) in lambda_um.chunks(LANES).zip(values.chunks_mut(LANES)) {
+            let (s1, s2) = self.widths::<FMA, LANES>(lambda_um);
             let (mut value, mut density) = ([0.0; LANES], [0.0; LANES]);
             for k in 0..LANES {
                 let (norm, amplitude) = if CLOSE {
@@ -208,77 +196,74 @@ impl Edge<'_> {
                     density[k] = shape * norm / disc_share::<FMA>(a);
                 }
             }
-            for k in 0..LANES {
-                if from + k < N {
-                    values[from + k] = value[k];
-                    pdf += density[k];
-                }
+            for (k, to) in values.iter_mut().enumerate().take(LANES) {
+                *to = value[k];
+                pdf += density[k];
             }
-            from += LANES;
         }
-        (values, pdf * (1.0 / N.max(1) as f32))
+        pdf * (1.0 / lambda_um.len().max(1) as f32)
     }
 
     /// A direction: `v` in [0, 1) chooses the wavelength, `u` the point on its disc.
     #[inline(always)]
-    fn sample<const FMA: bool, const N: usize>(&self, lambda_um: &[f32; N], v: f32, u: [f32; 2]) -> Option<[f32; 3]> {
-        let lambda = *lambda_um.get(((v * N as f32) as usize).min(N.checked_sub(1)?))?;
-        let ([s1], [s2]) = self.widths::<FMA, 1, 1>(&[lambda], 0);
+    fn sample<const FMA: bool>(&self, lambda_um: &[f32], v: f32, u: [f32; 2]) -> Option<[f32; 3]> {
+        let count = lambda_um.len();
+        let lambda = *lambda_um.get(((v * count as f32) as usize).min(count.checked_sub(1)?))?;
+        let ([s1], [s2]) = self.widths::<FMA, 1>(&[lambda]);
         let [x, y, z] = disc_point::<FMA>(s1, s2, u[0], u[1]);
         let (s, c) = self.theta;
         Some([x, fma::<FMA>(-s, y, -c * z), fma::<FMA>(c, y, -s * z)])
     }
 }
 
-compiled!(
-    /// Values [1/sr] of edge light of energy 1.
-    eval = any_eval(edge: &EdgeTables, theta_i: f32, h_um: f32, lambda_um: &[f32; N] as same_ref, wo: [f32; 3]) -> [f32; N]
-);
-compiled!(
-    /// [`eval`] and the density of [`sample`].
-    eval_pdf = any_eval_pdf(
-        edge: &EdgeTables, theta_i: f32, h_um: f32, lambda_um: &[f32; N] as same_ref, wo: [f32; 3]
-    ) -> ([f32; N], f32)
-);
-
-#[multiversion(targets(
-    "x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+avx2+bmi1+bmi2+fma",
-    "x86_64+avx2+bmi1+bmi2+fma"
-))]
-fn any_eval<const N: usize>(
+/// Values [1/sr] of edge light of energy 1.
+#[inline]
+pub(super) fn eval<const N: usize>(
     edge: &EdgeTables,
     theta_i: f32,
     h_um: f32,
     lambda_um: &[f32; N],
     wo: [f32; 3],
 ) -> [f32; N] {
-    const FMA: bool = target_cfg_f!(target_feature = "fma") || cfg!(target_arch = "aarch64");
-    edge.at::<FMA>(theta_i, h_um).eval::<FMA, false, N>(lambda_um, wo).0
+    let mut values = [0.0; N];
+    eval_into(edge, theta_i, h_um, lambda_um, wo, &mut values);
+    values
 }
 
-#[multiversion(targets(
-    "x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+avx2+bmi1+bmi2+fma",
-    "x86_64+avx2+bmi1+bmi2+fma"
-))]
-fn any_eval_pdf<const N: usize>(
+/// [`eval`] and the density of [`sample`].
+#[inline]
+pub(super) fn eval_pdf<const N: usize>(
     edge: &EdgeTables,
     theta_i: f32,
     h_um: f32,
     lambda_um: &[f32; N],
     wo: [f32; 3],
 ) -> ([f32; N], f32) {
-    const FMA: bool = target_cfg_f!(target_feature = "fma") || cfg!(target_arch = "aarch64");
-    edge.at::<FMA>(theta_i, h_um).eval::<FMA, true, N>(lambda_um, wo)
+    let mut values = [0.0; N];
+    let pdf = eval_pdf_into(edge, theta_i, h_um, lambda_um, wo, &mut values);
+    (values, pdf)
 }
 
-/// A direction of edge light, from three numbers in [0, 1); the first chooses the wavelength.
-#[inline]
-pub(super) fn sample<const N: usize>(
+#[multiversion(targets("x86_64+avx2+bmi1+bmi2+fma"))]
+fn eval_into(edge: &EdgeTables, theta_i: f32, h_um: f32, lambda_um: &[f32], wo: [f32; 3], values: &mut [f32]) {
+    const FMA: bool = target_cfg_f!(target_feature = "fma") || cfg!(target_arch = "aarch64");
+    edge.at::<FMA>(theta_i, h_um).eval::<FMA, false>(lambda_um, wo, values);
+}
+
+#[multiversion(targets("x86_64+avx2+bmi1+bmi2+fma"))]
+fn eval_pdf_into(
     edge: &EdgeTables,
     theta_i: f32,
     h_um: f32,
-    lambda_um: &[f32; N],
-    u: [f32; 3],
-) -> Option<[f32; 3]> {
-    edge.at::<false>(theta_i, h_um).sample::<false, N>(lambda_um, u[0], [u[1], u[2]])
+    lambda_um: &[f32],
+    wo: [f32; 3],
+    values: &mut [f32],
+) -> f32 {
+    const FMA: bool = target_cfg_f!(target_feature = "fma") || cfg!(target_arch = "aarch64");
+    edge.at::<FMA>(theta_i, h_um).eval::<FMA, true>(lambda_um, wo, values)
+}
+
+/// A direction of edge light, from three numbers in [0, 1); the first chooses the wavelength.
+pub(super) fn sample(edge: &EdgeTables, theta_i: f32, h_um: f32, lambda_um: &[f32], u: [f32; 3]) -> Option<[f32; 3]> {
+    edge.at::<false>(theta_i, h_um).sample::<false>(lambda_um, u[0], [u[1], u[2]])
 }

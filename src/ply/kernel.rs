@@ -1,8 +1,8 @@
 //! Kernels of the ply model in f32: tables in memory, the cell of an incidence, prepared lobes, and their
 //! evaluation and sampling in lanes.
 
+pub(super) mod absorption;
 pub(super) mod batch;
-pub(super) mod compiled;
 pub(super) mod cone_lobe;
 pub(super) mod cone_mixture;
 pub(super) mod dispatch;

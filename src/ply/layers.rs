@@ -16,8 +16,8 @@
 use super::asg::PARAMS;
 use super::data::layer_factors::half_nodes;
 use super::data::{MAX_PATHS, PlyData};
-use super::kernel::compiled::{compiled, same, same_ref};
-use super::kernel::energy::clamped_sigma;
+use super::kernel::absorption::clamped_sigma;
+use super::kernel::energy::halves;
 use crate::math::simd::{exp2, fma, max, min};
 use multiversion::{multiversion, target::target_cfg_f};
 use std::f64::consts::LOG2_E;
@@ -47,8 +47,11 @@ pub(crate) struct LayerTables {
 /// Path lengths processed side by side.
 const LANES: usize = 8;
 
-/// Transmittances of the path lengths.
-type Transmittances<const N: usize> = [[f32; N]; MAX_PATHS];
+/// A spectrum of path lengths, and the share of f_refl, which no path absorbs.
+struct Spectrum {
+    refl: f32,
+    high: [f32; MAX_PATHS],
+}
 
 impl LayerTables {
     pub(crate) fn new(d: &PlyData) -> Option<LayerTables> {
@@ -110,56 +113,48 @@ impl LayerTables {
         })
     }
 
+    /// Transmittances of the path lengths; of a short list only the first are set.
     #[inline(always)]
-    fn transmittances<const FMA: bool, const N: usize>(&self, sigma: &[f32; N]) -> Transmittances<N> {
+    fn transmittances<const FMA: bool>(&self, sigma: f32) -> [f32; MAX_PATHS] {
         let sigma = clamped_sigma(sigma);
-        let mut t = [[0.0; N]; MAX_PATHS];
-        for (t, path) in t.as_chunks_mut::<LANES>().0.iter_mut().zip(self.path.as_chunks::<LANES>().0) {
+        let mut t = [0.0; MAX_PATHS];
+        let chunks = t.as_chunks_mut::<LANES>().0.iter_mut().zip(self.path.as_chunks::<LANES>().0);
+        for (t, path) in chunks.take(self.size / LANES) {
             for i in 0..LANES {
-                for k in 0..N {
-                    t[i][k] = sigma[k] * path[i];
-                }
-            }
-            for t in t.as_flattened_mut() {
-                *t = exp2::<FMA>(*t);
-            }
-            if self.size <= LANES + 1 {
-                break;
+                t[i] = exp2::<FMA>(sigma * path[i]);
             }
         }
         t
     }
 
-    /// Sum of the entries of the weighted mean of spectra, each times its transmittance.
+    /// The weighted sum of spectra.
     #[inline(always)]
-    fn absorbed<const FMA: bool, const A: usize, const N: usize>(
-        &self,
-        spectra: [(f32, &[f32]); A],
-        t: &Transmittances<N>,
-    ) -> [f32; N] {
-        let mut refl = 0.0;
+    fn mix<const FMA: bool, const A: usize>(&self, spectra: [(f32, &[f32]); A]) -> Spectrum {
+        let mut sum = Spectrum { refl: 0.0, high: [0.0; MAX_PATHS] };
         for (weight, spectrum) in spectra {
             if let Some(last) = spectrum.last() {
-                refl = fma::<FMA>(weight, *last, refl);
+                sum.refl = fma::<FMA>(weight, *last, sum.refl);
             }
-        }
-        let mut sum = [refl; N];
-        for (chunk, t) in t.as_chunks::<LANES>().0.iter().enumerate().take(self.size / LANES) {
-            let mut mean = [0.0; LANES];
-            for (weight, spectrum) in spectra {
-                if let Some(spectrum) = spectrum.as_chunks::<LANES>().0.get(chunk) {
-                    for i in 0..LANES {
-                        mean[i] = fma::<FMA>(weight, spectrum[i], mean[i]);
-                    }
-                }
-            }
-            for i in 0..LANES {
-                for k in 0..N {
-                    sum[k] = fma::<FMA>(mean[i], t[i][k], sum[k]);
+            for (sum, spectrum) in sum.high.as_chunks_mut::<LANES>().0.iter_mut().zip(spectrum.as_chunks::<LANES>().0) {
+                for i in 0..LANES {
+                    sum[i] = fma::<FMA>(weight, spectrum[i], sum[i]);
                 }
             }
         }
         sum
+    }
+
+    /// Sum of the entries, each times its transmittance.
+    #[inline(always)]
+    fn absorbed<const FMA: bool>(&self, spectrum: &Spectrum, t: &[f32; MAX_PATHS]) -> f32 {
+        let mut sum = [0.0; LANES];
+        let chunks = spectrum.high.as_chunks::<LANES>().0.iter().zip(t.as_chunks::<LANES>().0);
+        for (spectrum, t) in chunks.take(self.size / LANES) {
+            for i in 0..LANES {
+                sum[i] = fma::<FMA>(spectrum[i], t[i], sum[i]);
+            }
+        }
+        spectrum.refl + halves(sum)
     }
 
     /// Spectrum `i` of an array of spectra.
@@ -182,37 +177,31 @@ impl LayerTables {
         Self::place(theta_i.abs() / self.theta_last * (self.rows - 1) as f32, self.rows)
     }
 
+    /// Spectra of r, t, r* and t*.
     #[inline(always)]
-    fn layer<const FMA: bool, const N: usize>(&self, theta_i: f32, t: &Transmittances<N>) -> Layer<N> {
+    fn layer<const FMA: bool>(&self, theta_i: f32) -> [Spectrum; 4] {
         let (m, s) = self.row(theta_i);
-        Layer {
-            reflected: self.first::<FMA, N>(m, s, 0, t),
-            transmitted: self.first::<FMA, N>(m, s, 1, t),
-            reflected_diffuse: self.absorbed::<FMA, 1, N>([(1.0, self.spectrum(&self.diffuse, 0))], t),
-            transmitted_diffuse: self.absorbed::<FMA, 1, N>([(1.0, self.spectrum(&self.diffuse, 1))], t),
-        }
-        .conserved()
+        [
+            self.first::<FMA>(m, s, 0),
+            self.first::<FMA>(m, s, 1),
+            self.mix::<FMA, 1>([(1.0, self.spectrum(&self.diffuse, 0))]),
+            self.mix::<FMA, 1>([(1.0, self.spectrum(&self.diffuse, 1))]),
+        ]
     }
 
-    /// r (0) or t (1), at the fraction `s` from row `m` to the next. (Closures need not be inlined into code
-    /// for other instruction sets.)
+    /// Spectrum of r (0) or t (1), at the fraction `s` from row `m` to the next.
     #[inline(always)]
-    fn first<const FMA: bool, const N: usize>(&self, m: usize, s: f32, half: usize, t: &Transmittances<N>) -> [f32; N] {
+    fn first<const FMA: bool>(&self, m: usize, s: f32, half: usize) -> Spectrum {
         let (a, b) = (self.spectrum(&self.first, m * 2 + half), self.spectrum(&self.first, m * 2 + 2 + half));
-        self.absorbed::<FMA, 2, N>([(1.0 - s, a), (s, b)], t)
+        self.mix::<FMA, 2>([(1.0 - s, a), (s, b)])
     }
 
+    /// Spectrum of the forward energy, and the factor on what absorption leaves of it.
     #[inline(always)]
-    fn forward<const FMA: bool, const N: usize>(
-        &self,
-        theta_i: f32,
-        h_um: f32,
-        r_d: f32,
-        t: &Transmittances<N>,
-    ) -> [f32; N] {
+    fn forward<const FMA: bool>(&self, theta_i: f32, h_um: f32, r_d: f32) -> Option<(Spectrum, f32)> {
         // Beams beyond the nodes hit nothing.
         if h_um.abs() > self.h_last || h_um.is_nan() || theta_i.is_nan() {
-            return [0.0; N];
+            return None;
         }
         let h = if theta_i < 0.0 { -h_um } else { h_um };
         let (m, s) = self.row(theta_i);
@@ -220,7 +209,7 @@ impl LayerTables {
         let (low, high) = (m * self.columns + n, (m + 1) * self.columns + n);
         let weights = [(1.0 - s) * (1.0 - x), (1.0 - s) * x, s * (1.0 - x), s * x];
         let spectra = [low, low + 1, high, high + 1].map(|i| self.spectrum(&self.forward, i));
-        let Some([sums, energies, met]) = self.lobes.get(m * (self.columns - 1) + n) else { return [0.0; N] };
+        let [sums, energies, met] = self.lobes.get(m * (self.columns - 1) + n)?;
         // Lobes are linear between the corners and then scaled to the energy, so a corner of strong lobes
         // counts for more than its share.
         let (mut sum, mut energy, mut linear) = (0.0, 0.0, 0.0);
@@ -241,52 +230,64 @@ impl LayerTables {
                 refl = fma::<FMA>(weights[c] - weight, *last, refl);
             }
         }
-        let mut all = self.absorbed::<FMA, 4, N>(corners, t);
-        for e in &mut all {
-            *e = max(*e + refl, 0.0) * met;
-        }
-        all
+        let mut spectrum = self.mix::<FMA, 4>(corners);
+        spectrum.refl += refl;
+        Some((spectrum, met))
     }
 }
 
 /// Energies below this count as none.
 const MIN: f32 = 1e-12;
 
-compiled!(
-    /// [`PlyModel::layer`], and the energy of [`PlyModel::forward_energy`] as tabulated, where the share
-    /// `r_d` of the beam misses.
-    layer_and_forward = any_layer_and_forward(
-        tables: &LayerTables, theta_i: f32, h_um: f32, r_d: f32, sigma: &[f32; N] as same_ref
-    ) -> (Layer<N>, [f32; N])
-);
-compiled!(
-    /// [`PlyModel::layer`].
-    layer = any_layer(tables: &LayerTables, theta_i: f32, sigma: &[f32; N] as same_ref) -> Layer<N>
-);
-
-#[multiversion(targets(
-    "x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+avx2+bmi1+bmi2+fma",
-    "x86_64+avx2+bmi1+bmi2+fma"
-))]
-fn any_layer_and_forward<const N: usize>(
+/// [`PlyModel::layer`], and the energy of [`PlyModel::forward_energy`] as tabulated, where the share `r_d` of
+/// the beam misses.
+///
+/// [`PlyModel::layer`]: super::PlyModel::layer
+/// [`PlyModel::forward_energy`]: super::PlyModel::forward_energy
+#[inline]
+pub(super) fn layer_and_forward<const N: usize>(
     tables: &LayerTables,
     theta_i: f32,
     h_um: f32,
     r_d: f32,
     sigma: &[f32; N],
 ) -> (Layer<N>, [f32; N]) {
-    const FMA: bool = target_cfg_f!(target_feature = "fma") || cfg!(target_arch = "aarch64");
-    let t = tables.transmittances::<FMA, N>(sigma);
-    (tables.layer::<FMA, N>(theta_i, &t), tables.forward::<FMA, N>(theta_i, h_um, r_d, &t))
+    let (mut layer, mut forward) = ([[0.0; 4]; N], [0.0; N]);
+    layer_into(tables, theta_i, sigma, &mut layer);
+    forward_into(tables, [theta_i, h_um], r_d, sigma, &mut forward);
+    (Layer::of(layer), forward)
 }
 
-#[multiversion(targets(
-    "x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+avx2+bmi1+bmi2+fma",
-    "x86_64+avx2+bmi1+bmi2+fma"
-))]
-fn any_layer<const N: usize>(tables: &LayerTables, theta_i: f32, sigma: &[f32; N]) -> Layer<N> {
+/// [`PlyModel::layer`].
+///
+/// [`PlyModel::layer`]: super::PlyModel::layer
+#[inline]
+pub(super) fn layer<const N: usize>(tables: &LayerTables, theta_i: f32, sigma: &[f32; N]) -> Layer<N> {
+    let mut layer = [[0.0; 4]; N];
+    layer_into(tables, theta_i, sigma, &mut layer);
+    Layer::of(layer)
+}
+
+#[multiversion(targets("x86_64+avx2+bmi1+bmi2+fma"))]
+fn layer_into(tables: &LayerTables, theta_i: f32, sigma: &[f32], layer: &mut [[f32; 4]]) {
     const FMA: bool = target_cfg_f!(target_feature = "fma") || cfg!(target_arch = "aarch64");
-    tables.layer::<FMA, N>(theta_i, &tables.transmittances::<FMA, N>(sigma))
+    let spectra = tables.layer::<FMA>(theta_i);
+    for (sigma, layer) in sigma.iter().zip(layer) {
+        let t = tables.transmittances::<FMA>(*sigma);
+        for i in 0..4 {
+            layer[i] = tables.absorbed::<FMA>(&spectra[i], &t);
+        }
+    }
+}
+
+#[multiversion(targets("x86_64+avx2+bmi1+bmi2+fma"))]
+fn forward_into(tables: &LayerTables, [theta_i, h_um]: [f32; 2], r_d: f32, sigma: &[f32], energy: &mut [f32]) {
+    const FMA: bool = target_cfg_f!(target_feature = "fma") || cfg!(target_arch = "aarch64");
+    let Some((spectrum, met)) = tables.forward::<FMA>(theta_i, h_um, r_d) else { return };
+    for (sigma, energy) in sigma.iter().zip(energy) {
+        let t = tables.transmittances::<FMA>(*sigma);
+        *energy = max(tables.absorbed::<FMA>(&spectrum, &t), 0.0) * met;
+    }
 }
 
 /// Reflected and transmitted fractions of the light that hits one layer's fibers, for N absorptions.
@@ -303,6 +304,17 @@ pub struct Layer<const N: usize> {
 }
 
 impl<const N: usize> Layer<N> {
+    /// Of r, t, r* and t* by absorption.
+    fn of(of: [[f32; 4]; N]) -> Layer<N> {
+        Layer {
+            reflected: std::array::from_fn(|k| of[k][0]),
+            transmitted: std::array::from_fn(|k| of[k][1]),
+            reflected_diffuse: std::array::from_fn(|k| of[k][2]),
+            transmitted_diffuse: std::array::from_fn(|k| of[k][3]),
+        }
+        .conserved()
+    }
+
     /// Clamps the fractions to 0 or more and scales each pair to a sum of at most 1: simulated energies have
     /// noise, and a layer scatters no more than it receives. NaN counts as 0.
     pub(super) fn conserved(mut self) -> Self {

@@ -184,7 +184,7 @@ impl PlyModel {
     /// f_refl + f_high [1/sr] (Yu 2025, Eq. 8) at each of many queries; 0 where an array of `queries` is
     /// shorter than `f`.
     pub fn eval_batch<const N: usize>(&self, queries: &Queries<'_, N>, f: &mut [[f32; N]]) {
-        dispatch::run_batch(&self.layout, *queries, f);
+        dispatch::batch(&self.layout, queries, f);
     }
 
     /// The fibers on the ply's surface, if its spec has a round ply of three fibers or more.

@@ -1,6 +1,6 @@
 //! A ply without a second layer at a query, with cached or uncached lobes.
 
-use super::kernel::dispatch::{self, Prepared};
+use super::kernel::dispatch::Prepared;
 use super::kernel::energy::Core;
 use super::kernel::lobes::{Kept, LobeLight, Lobes, Uncached};
 use super::model::PlyModel;
@@ -254,7 +254,12 @@ impl<L: Lobes<N>, const N: usize> Bsdf<N> for PlyOn<'_, L, N> {
                 (*f, *pdf) = self.eval_pdf(*w);
             }
         } else {
-            dispatch::run_directions(&self.model.layout, theta_i, h_um, sigma_per_um, w, f, pdf);
+            let mut lobes = self.model.cached(theta_i, h_um, sigma_per_um);
+            lobes.prepare();
+            for ((w, f), pdf) in w.iter().zip(f).zip(pdf) {
+                let Core { refl, high, pdf: density, .. } = lobes.eval_pdf(*w);
+                (*f, *pdf) = (std::array::from_fn(|k| refl + high[k]), density);
+            }
         }
     }
 }

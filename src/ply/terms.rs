@@ -113,7 +113,7 @@ impl<L: Lobes<N>, const N: usize> Terms<'_, L, N> {
     pub(super) fn slit_lobes(&self, slit: &Slit, w: [f32; 3]) -> (Core<N>, [f32; N], f32) {
         let q = self.query;
         let layout = &self.model.layout;
-        let (core, taken) = dispatch::run_slit_eval(layout, slit.share(), q.theta_i, q.h_um, q.sigma_per_um, w);
+        let (core, taken) = dispatch::slit_eval_pdf(layout, slit.share(), (q.theta_i, q.h_um), &q.sigma_per_um, w);
         let (mut light, pdf) = slit.eval_pdf(q.theta_i, q.lambda_um, w);
         for k in 0..N {
             light[k] *= taken.energy[k];
@@ -134,7 +134,7 @@ impl<L: Lobes<N>, const N: usize> Terms<'_, L, N> {
     pub(super) fn slit_direction(&self, slit: &Slit, u: [f32; 3]) -> Result<Option<[f32; 3]>, f32> {
         let q = self.query;
         let layout = &self.model.layout;
-        match dispatch::run_slit_sample(layout, slit.share(), q.theta_i, q.h_um, q.sigma_per_um, u) {
+        match dispatch::slit_sample(layout, slit.share(), (q.theta_i, q.h_um), &q.sigma_per_um, u) {
             SlitSample::Lobe(w) => Ok(Some(w)),
             SlitSample::Slit(remaining) => Ok(slit.sample(q.theta_i, q.lambda_um, unit([remaining, u[1], u[2]]))),
             SlitSample::Missed(remaining) => Err(remaining),

@@ -180,10 +180,7 @@ fn position(table: &[f32; TABLE], quantile: u32) -> f32 {
     signed(table[((quantile ^ below) >> (31 - TABLE_BITS)) as usize % TABLE], below & 1 << 31)
 }
 
-#[multiversion(targets(
-    "x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+avx2+bmi1+bmi2+fma",
-    "x86_64+avx2+bmi1+bmi2+fma"
-))]
+#[multiversion(targets("x86_64+avx2+bmi1+bmi2+fma"))]
 fn speckle<const N: usize>(
     field: &NoiseField,
     place: &PlyPlace,
@@ -285,10 +282,7 @@ impl<const N: usize> Speckle<N> {
 
 /// sqrt(b) g in the blend beside the seam. Both sides have the same sources, so their powers do not just add
 /// up.
-#[multiversion(targets(
-    "x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+avx2+bmi1+bmi2+fma",
-    "x86_64+avx2+bmi1+bmi2+fma"
-))]
+#[multiversion(targets("x86_64+avx2+bmi1+bmi2+fma"))]
 fn at_seam<const N: usize>(speckle: &Speckle<N>, kind: usize, k: usize, at: &PatternPoint) -> [f32; 2] {
     const FMA: bool = target_cfg_f!(target_feature = "fma") || cfg!(target_arch = "aarch64");
     let per = speckle.per_um[k];
@@ -309,10 +303,7 @@ fn at_seam<const N: usize>(speckle: &Speckle<N>, kind: usize, k: usize, at: &Pat
     [0, 1].map(|i| scale * (cos * own[i] + sin * other[i]))
 }
 
-#[multiversion(targets(
-    "x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+avx2+bmi1+bmi2+fma",
-    "x86_64+avx2+bmi1+bmi2+fma"
-))]
+#[multiversion(targets("x86_64+avx2+bmi1+bmi2+fma"))]
 fn factors<const N: usize>(speckle: &Speckle<N>, wo: [f32; 3]) -> ([f32; N], [f32; N]) {
     const FMA: bool = target_cfg_f!(target_feature = "fma") || cfg!(target_arch = "aarch64");
     let [x, y, z] = wo;

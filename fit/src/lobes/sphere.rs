@@ -421,7 +421,7 @@ fn backward_kernel<const FMA: bool>(
 
 /// Replaces `model` by `twice_weight * (model - target)` and returns the sum of squared differences of the
 /// row.
-#[multiversion(targets("x86_64+avx512f+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
+#[multiversion(targets("x86_64+avx2+fma"))]
 fn residual(target: &[f32], model: &mut [f32], columns: usize, twice_weight: f32) -> f32 {
     model[columns..].fill(0.0);
     let mut sum = [0.0f32; LANES];
@@ -435,7 +435,7 @@ fn residual(target: &[f32], model: &mut [f32], columns: usize, twice_weight: f32
     sum.iter().sum()
 }
 
-#[multiversion(targets("x86_64+avx512f+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
+#[multiversion(targets("x86_64+avx2+fma"))]
 fn forward(cos: &[f32], sin: &[f32], rows: &[RowLobe], exps: &mut [f32], model: &mut [f32]) {
     if target_cfg_f!(target_feature = "fma") {
         forward_kernel::<true>(cos, sin, rows, exps, model)
@@ -444,7 +444,7 @@ fn forward(cos: &[f32], sin: &[f32], rows: &[RowLobe], exps: &mut [f32], model: 
     }
 }
 
-#[multiversion(targets("x86_64+avx512f+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
+#[multiversion(targets("x86_64+avx2+fma"))]
 fn backward(cos: &[f32], sin: &[f32], rows: &[RowLobe], exps: &[f32], g: &[f32], sums: &mut [[[f32; LANES]; 6]]) {
     if target_cfg_f!(target_feature = "fma") {
         backward_kernel::<true>(cos, sin, rows, exps, g, sums)

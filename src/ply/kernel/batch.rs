@@ -1,63 +1,56 @@
 //! Batches of incidences: the lobes of W queries side by side in long arrays, so that every lane of a vector
 //! holds a lobe and one query's chain of dependent steps hides behind the others'.
 
-use super::energy::{Energies, absorb, absorbed, clamped_sigma, halves, interpolate_node, scales, sum, transmittance};
+use super::absorption::{Spectra, by_path, first_transmittances};
+use super::energy::{halves, interpolate_node};
 use super::grid_cell::GridCells;
 use super::interpolate::{interpolate_high, interpolate_refl};
 use super::layout::Tables;
 use super::lobe::{Axes, amplitudes, project, root_width, shape, sin_cos};
 use super::mixture::mixture;
 use crate::math::simd::{fma, max};
-use crate::ply::Queries;
 use crate::ply::asg::PARAMS;
+use crate::ply::queries::Channels;
 
 /// Queries in a chunk: their data, 13 KiB, fit the first-level cache.
 const W: usize = 16;
 
-/// f at `queries`; 0 beyond their shortest array. L is as in [`mixture`].
+/// f at `queries`, by query and absorption; 0 beyond their shortest array. L is as in [`mixture`].
 #[inline(always)]
-pub(in crate::ply) fn eval<
-    const FMA: bool,
-    const H: usize,
-    const R: usize,
-    const L: usize,
-    const J: usize,
-    const N: usize,
->(
+pub(in crate::ply) fn eval<const FMA: bool, const H: usize, const R: usize, const L: usize, const J: usize>(
     tables: &Tables<H, R, J>,
-    queries: &Queries<'_, N>,
-    f: &mut [[f32; N]],
+    queries: &Channels<'_>,
+    f: &mut [f32],
 ) {
     let mut scratch = Scratch {
         high: Lobes::new(tables.least_high),
         refl: Lobes::new(tables.least_refl),
         spectrum: [[[0.0; J]; H]; W],
         simulated: [(0.0, [0.0; J]); W],
-        transmittance: [[[0.0; N]; J]; W],
     };
-    for (chunk, f) in f.chunks_mut(W).enumerate() {
+    for (chunk, f) in f.chunks_mut(W * queries.count.max(1)).enumerate() {
         let q = queries.from(chunk * W);
-        if q.one_incidence(f.len()) {
-            one_incidence::<FMA, H, R, L, J, N>(tables, &q, f);
+        if q.one_incidence(f.len() / queries.count.max(1)) {
+            one_incidence::<FMA, H, R, L, J>(tables, &q, f);
         } else {
-            many::<FMA, H, R, J, N>(tables, &q, &mut scratch, f);
+            many::<FMA, H, R, J>(tables, &q, &mut scratch, f);
         }
     }
 }
 
 #[inline(always)]
-fn one_incidence<const FMA: bool, const H: usize, const R: usize, const L: usize, const J: usize, const N: usize>(
+fn one_incidence<const FMA: bool, const H: usize, const R: usize, const L: usize, const J: usize>(
     tables: &Tables<H, R, J>,
-    queries: &Queries<'_, N>,
-    f: &mut [[f32; N]],
+    queries: &Channels<'_>,
+    f: &mut [f32],
 ) {
-    f.fill([0.0; N]);
+    f.fill(0.0);
     let Some((theta_i, h_um, sigma, _)) = queries.get(0) else { return };
-    let Some((mixture, shapes)) = mixture::<FMA, H, R, L, J, N>(tables, theta_i, h_um, &sigma) else { return };
-    for (i, f) in f.iter_mut().enumerate() {
-        let Some((_, _, _, wo)) = queries.get(i) else { return };
-        let (refl, high) = mixture.eval::<FMA>(&shapes, wo);
-        *f = sum(refl, high);
+    let Some((mixture, shapes)) = mixture::<FMA, H, R, L, J>(tables, theta_i, h_um, sigma) else { return };
+    for (i, f) in f.chunks_exact_mut(queries.count.max(1)).enumerate() {
+        let Some((.., wo)) = queries.get(i) else { return };
+        let refl = mixture.eval::<FMA, false>(&shapes, (sigma, None), wo, f).refl;
+        f.iter_mut().for_each(|f| *f += refl);
     }
 }
 
@@ -123,36 +116,35 @@ impl<const K: usize> Lobes<K> {
 }
 
 /// Working memory for W queries.
-struct Scratch<const H: usize, const R: usize, const J: usize, const N: usize> {
+struct Scratch<const H: usize, const R: usize, const J: usize> {
     high: Lobes<H>,
     refl: Lobes<R>,
     spectrum: [[[f32; J]; H]; W],
     /// Energy of f_refl, spectrum of the energy of f_high.
     simulated: [(f32, [f32; J]); W],
-    transmittance: [[[f32; N]; J]; W],
 }
 
 /// At most W queries.
 #[inline(always)]
-fn many<const FMA: bool, const H: usize, const R: usize, const J: usize, const N: usize>(
+fn many<const FMA: bool, const H: usize, const R: usize, const J: usize>(
     tables: &Tables<H, R, J>,
-    queries: &Queries<'_, N>,
-    s: &mut Scratch<H, R, J, N>,
-    f: &mut [[f32; N]],
+    queries: &Channels<'_>,
+    s: &mut Scratch<H, R, J>,
+    f: &mut [f32],
 ) {
     let [x, y, z] = queries.wo;
     // Absent queries miss.
     let mut theta_i = head(queries.theta_i, f32::NAN);
-    let there = [queries.h_um.len(), queries.sigma_per_um.len(), x.len(), y.len(), z.len()];
+    let count = queries.count.max(1);
+    let there = [queries.h_um.len(), queries.sigma.len() / count, x.len(), y.len(), z.len()];
     theta_i.iter_mut().skip(there.into_iter().fold(W, usize::min)).for_each(|t| *t = f32::NAN);
     let places = GridCells::new::<FMA>(&tables.grid, &theta_i, &head(queries.h_um, 0.0));
-    let (sigma, mut v) = (head(queries.sigma_per_um, [0.0; N]), [head(x, 0.0), head(y, 0.0), head(z, 0.0)]);
+    let mut v = [head(x, 0.0), head(y, 0.0), head(z, 0.0)];
     places.mirror(&mut v);
     let mut hit = places.hit;
     for q in 0..W {
         let p = &places.get(q);
         let v = [v[0][q], v[1][q], v[2][q]];
-        s.transmittance[q] = [clamped_sigma(&sigma[q]); J];
         if let Some(high) = interpolate_high::<FMA, H, R, J>(tables, p)
             && let Some(refl) = interpolate_refl::<FMA, H, R, J>(tables, p)
             && let Some(node) = interpolate_node::<FMA, H, R, J>(tables, p)
@@ -165,25 +157,21 @@ fn many<const FMA: bool, const H: usize, const R: usize, const J: usize, const N
             hit[q] = 0;
         }
     }
-    let path: [[f32; N]; J] = std::array::from_fn(|j| [tables.path[j]; N]);
-    for t in &mut s.transmittance {
-        for (t, path) in t.as_flattened_mut().iter_mut().zip(path.as_flattened()) {
-            *t = transmittance::<FMA>(*t * *path);
-        }
-    }
     s.high.eval::<FMA>(tables.bandwidth);
     s.refl.eval::<FMA>(tables.bandwidth);
-    for (q, f) in f.iter_mut().enumerate().take(W) {
-        let t = &s.transmittance[q];
-        let high = absorb::<FMA, J, N>(&s.simulated[q].1, t);
-        let energies = Energies { r_d: 0.0, refl: s.simulated[q].0, high };
-        let energy = absorbed::<FMA, H, J, N>(tables.pairs, &s.high.params[5][q], &s.spectrum[q], t);
-        let mut value = absorbed::<FMA, H, J, N>(tables.pairs, &s.high.value[q], &s.spectrum[q], t);
-        let (scale_refl, scale_high) = scales(&energies, halves(s.refl.params[5][q]), &energy);
-        for k in 0..N {
-            value[k] *= scale_high[k];
-        }
-        *f = if hit[q] != 0 { sum(halves(s.refl.value[q]) * scale_refl, value) } else { [0.0; N] };
+    for (q, f) in f.chunks_exact_mut(count).enumerate().take(W) {
+        let Some(sigma) = queries.sigma(q).filter(|_| hit[q] != 0) else {
+            f.fill(0.0);
+            continue;
+        };
+        let all = by_path::<FMA, H, J>(tables.pairs, &s.high.params[5][q], &s.spectrum[q]);
+        let value = by_path::<FMA, H, J>(tables.pairs, &s.high.value[q], &s.spectrum[q]);
+        let (simulated, high) = s.simulated[q];
+        let refl = halves(s.refl.value[q]) * (simulated / halves(s.refl.params[5][q]));
+        let first = first_transmittances(&tables.path, sigma);
+        let spectra = Spectra { path: &tables.path, simulated: high, all, first };
+        spectra.absorb::<false>([&value; 2], sigma, f);
+        f.iter_mut().for_each(|f| *f += refl);
     }
 }
 

@@ -1,16 +1,16 @@
-//! The kernels, compiled for several instruction sets; the processor is detected at the first call.
-//!
-//! Each of these functions is one inlined copy of the arithmetic. Models that exceed the fast tables use one
-//! portable copy.
+//! The kernels, compiled once for any processor and once for AVX2, whichever has it at the first call; each of
+//! these functions is one inlined copy of the arithmetic. Models that exceed the fast tables use one portable
+//! copy. Absorptions and their results are slices, so that one copy serves any number of them.
 
+use super::absorption::Left;
 use super::batch;
-use super::compiled::{compiled, same, same_mut, same_queries, same_ref, same_rows_mut};
 use super::cone_mixture::{self, ConeMixture, PreparedCones};
-use super::energy::{Core, DrawnBy, Energies, energies, sum};
+use super::energy::{self, Core, DrawnBy, Energies, Rest};
 use super::layout::{FEW, Fast, Layout, MORE, Tables};
 use super::mixture::{mixture, weights};
 use super::prepared::PreparedLobes;
-use crate::ply::slit::{Diffracted, SlitSample};
+use crate::ply::queries::Channels;
+use crate::ply::slit::{SlitSample, SlitValues};
 use crate::ply::{MAX_LOBES, MAX_PATHS, Queries};
 use multiversion::{multiversion, target::target_cfg_f};
 
@@ -19,16 +19,12 @@ type Large = Tables<MAX_LOBES, MAX_LOBES, MAX_PATHS>;
 const LANES: usize = 16;
 const LANES_LARGE: usize = 2 * MAX_LOBES;
 
-/// Declares a kernel: `$name` is `$any`, which chooses between `$fast`, compiled for several instruction
-/// sets, `$large`, and the two for cones. In each, the body uses the tables and the constants FMA and L
-/// (lanes).
+/// Declares a kernel: `$name` chooses between `$fast`, compiled for several instruction sets, `$large`, and
+/// the two for cones. In each, the body uses the tables and the constants FMA and L (lanes).
 macro_rules! kernel {
-    ($name:ident = $any:ident, [$fast:ident, $large:ident, $cone:ident, $large_cone:ident],
-     ($($arg:ident: $type:ty $(as $how:ident)?),*) -> $out:ty, |$t:ident, $fma:ident, $l:ident| $body:expr, $cone_body:expr) => {
-        compiled!($name = $any(layout: &Layout, $($arg: $type $(as $how)?),*) -> $out);
-
-        #[inline]
-        fn $any<const N: usize>(layout: &Layout, $($arg: $type),*) -> $out {
+    ($name:ident <$($life:lifetime)?> [$fast:ident, $large:ident, $cone:ident, $large_cone:ident],
+     ($($arg:ident: $type:ty),*) -> $out:ty, |$t:ident, $fma:ident, $l:ident| $body:expr, $cone_body:expr) => {
+        fn $name$(<$life>)?(layout: &Layout, $($arg: $type),*) -> $out {
             match layout {
                 Layout::Few(tables) => $fast(tables, $($arg),*),
                 Layout::More(tables) => $fast(tables, $($arg),*),
@@ -38,11 +34,8 @@ macro_rules! kernel {
             }
         }
 
-        #[multiversion(targets(
-            "x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+avx2+bmi1+bmi2+fma",
-            "x86_64+avx2+bmi1+bmi2+fma"
-        ))]
-        fn $cone<const N: usize>($t: &Fast<MORE>, $($arg: $type),*) -> $out {
+        #[multiversion(targets("x86_64+avx2+bmi1+bmi2+fma"))]
+        fn $cone$(<$life>)?($t: &Fast<MORE>, $($arg: $type),*) -> $out {
             const $fma: bool = target_cfg_f!(target_feature = "fma") || cfg!(target_arch = "aarch64");
             const $l: usize = LANES;
             $cone_body
@@ -50,17 +43,14 @@ macro_rules! kernel {
 
         #[cold]
         #[inline(never)]
-        fn $large_cone<const N: usize>($t: &Large, $($arg: $type),*) -> $out {
+        fn $large_cone$(<$life>)?($t: &Large, $($arg: $type),*) -> $out {
             const $fma: bool = false;
             const $l: usize = LANES_LARGE;
             $cone_body
         }
 
-        #[multiversion(targets(
-            "x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+avx2+bmi1+bmi2+fma",
-            "x86_64+avx2+bmi1+bmi2+fma"
-        ))]
-        fn $fast<const H: usize, const N: usize>($t: &Fast<H>, $($arg: $type),*) -> $out {
+        #[multiversion(targets("x86_64+avx2+bmi1+bmi2+fma"))]
+        fn $fast<$($life,)? const H: usize>($t: &Fast<H>, $($arg: $type),*) -> $out {
             const $fma: bool = target_cfg_f!(target_feature = "fma") || cfg!(target_arch = "aarch64");
             const $l: usize = LANES;
             $body
@@ -68,7 +58,7 @@ macro_rules! kernel {
 
         #[cold]
         #[inline(never)]
-        fn $large<const N: usize>($t: &Large, $($arg: $type),*) -> $out {
+        fn $large$(<$life>)?($t: &Large, $($arg: $type),*) -> $out {
             const $fma: bool = false;
             const $l: usize = LANES_LARGE;
             $body
@@ -77,232 +67,351 @@ macro_rules! kernel {
 }
 
 kernel!(
-    run_eval = any_eval, [eval_fast, eval_large, eval_cone, eval_large_cone],
-    (theta_i: f32, h_um: f32, sigma: [f32; N] as same, wo: [f32; 3]) -> Core<N>,
-    |tables, FMA, L| match mixture::<FMA, _, _, L, _, N>(tables, theta_i, h_um, &sigma) {
-        Some((m, x)) => {
-            let (refl, high) = m.eval::<FMA>(&x, wo);
-            m.core(refl, high, 0.0)
+    eval_into <> [eval_fast, eval_large, eval_cone, eval_large_cone],
+    (theta_i: f32, h_um: f32, sigma: &[f32], wo: [f32; 3], high: &mut [f32]) -> Rest,
+    |tables, FMA, L| match mixture::<FMA, _, _, L, _>(tables, theta_i, h_um, sigma) {
+        Some((m, x)) => m.eval::<FMA, false>(&x, (sigma, None), wo, high),
+        None => Rest::MISS,
+    },
+    match ConeMixture::<_, _, L, _>::new::<FMA>(tables, theta_i, h_um, sigma) {
+        Some(m) => m.eval::<FMA, false>((sigma, None), wo, high),
+        None => Rest::MISS,
+    }
+);
+kernel!(
+    eval_pdf_into <> [eval_pdf_fast, eval_pdf_large, eval_pdf_cone, eval_pdf_large_cone],
+    (theta_i: f32, h_um: f32, sigma: &[f32], wo: [f32; 3], high: &mut [f32]) -> Rest,
+    |tables, FMA, L| match mixture::<FMA, _, _, L, _>(tables, theta_i, h_um, sigma) {
+        Some((m, x)) => m.eval::<FMA, true>(&x, (sigma, None), wo, high),
+        None => Rest::MISS,
+    },
+    match ConeMixture::<_, _, L, _>::new::<FMA>(tables, theta_i, h_um, sigma) {
+        Some(m) => m.eval::<FMA, true>((sigma, None), wo, high),
+        None => Rest::MISS,
+    }
+);
+kernel!(
+    sample_into <> [sample_fast, sample_large, sample_cone, sample_large_cone],
+    (theta_i: f32, h_um: f32, sigma: &[f32], u: [f32; 3], high: &mut [f32]) -> (Option<[f32; 3]>, Rest),
+    |tables, FMA, L| match weights::<FMA, _, _, L, _>(tables, theta_i, h_um, sigma) {
+        Some((mut m, params)) => {
+            m.scale::<FMA>();
+            m.sample::<FMA>(&params, tables.bandwidth, sigma, u, high)
         }
-        None => Core::MISS,
+        None => (None, Rest::MISS),
     },
-    match ConeMixture::<_, _, L, _, N>::new::<FMA>(tables, theta_i, h_um, &sigma) {
-        Some(m) => {
-            let (refl, high) = m.eval::<FMA>(wo);
-            m.core((refl, high, 0.0))
+    match ConeMixture::<_, _, L, _>::new::<FMA>(tables, theta_i, h_um, sigma) {
+        Some(m) => m.sample::<FMA>(sigma, u, high),
+        None => (None, Rest::MISS),
+    }
+);
+kernel!(
+    batch_into <'a> [batch_fast, batch_large, batch_cone, batch_large_cone],
+    (queries: &Channels<'a>, f: &mut [f32]) -> (),
+    |tables, FMA, L| batch::eval::<FMA, _, _, L, _>(tables, queries, f),
+    cone_mixture::eval_batch::<FMA, _, _, L, _>(tables, queries, f)
+);
+kernel!(
+    energies_into <> [energies_fast, energies_large, energies_cone, energies_large_cone],
+    (theta_i: f32, h_um: f32, sigma: &[f32], high: &mut [f32]) -> [f32; 2],
+    |tables, FMA, _L| energy::energies::<FMA, _, _, _>(tables, theta_i, h_um, sigma, high),
+    energy::energies::<FMA, _, _, _>(tables, theta_i, h_um, sigma, high)
+);
+kernel!(
+    slit_eval_into <'a> [slit_eval_fast, slit_eval_large, slit_eval_cone, slit_eval_large_cone],
+    (share: f32, theta_i: f32, h_um: f32, sigma: &[f32], wo: [f32; 3], values: SlitValues<'a>) -> (Rest, f32),
+    |tables, FMA, L| match weights::<FMA, _, _, L, _>(tables, theta_i, h_um, sigma) {
+        Some((mut m, params)) => {
+            m.slit_eval_pdf::<FMA>(&params, tables.bandwidth, (share, theta_i), (sigma, wo), values)
         }
-        None => Core::MISS,
-    }
-);
-kernel!(
-    run_eval_pdf = any_eval_pdf, [eval_pdf_fast, eval_pdf_large, eval_pdf_cone, eval_pdf_large_cone],
-    (theta_i: f32, h_um: f32, sigma: [f32; N] as same, wo: [f32; 3]) -> Core<N>,
-    |tables, FMA, L| match mixture::<FMA, _, _, L, _, N>(tables, theta_i, h_um, &sigma) {
-        Some((m, x)) => {
-            let (refl, high, pdf) = m.eval_pdf::<FMA>(&x, &m.mean::<FMA>(), wo);
-            m.core(refl, high, pdf)
-        }
-        None => Core::MISS,
+        None => (Rest::MISS, 0.0),
     },
-    match ConeMixture::<_, _, L, _, N>::new::<FMA>(tables, theta_i, h_um, &sigma) {
-        Some(m) => m.core(m.eval_pdf::<FMA>(&m.mean::<FMA>(), wo)),
-        None => Core::MISS,
+    match ConeMixture::<_, _, L, _>::new::<FMA>(tables, theta_i, h_um, sigma) {
+        Some(mut m) => m.slit_eval_pdf::<FMA>(share, sigma, wo, values),
+        None => (Rest::MISS, 0.0),
     }
 );
 kernel!(
-    run_sample = any_sample, [sample_fast, sample_large, sample_cone, sample_large_cone],
-    (theta_i: f32, h_um: f32, sigma: [f32; N] as same, u: [f32; 3]) -> (Option<[f32; 3]>, Core<N>),
-    |tables, FMA, L| match weights::<FMA, _, _, L, _, N>(tables, theta_i, h_um, &sigma) {
-        Some((mut m, params)) => match m.sample::<FMA>(&params, tables.bandwidth, u) {
-            Some((wo, (refl, high, pdf))) => (Some(wo), m.core(refl, high, pdf)),
-            None => (None, m.core(0.0, [0.0; N], 0.0)),
-        },
-        None => (None, Core::MISS),
-    },
-    match ConeMixture::<_, _, L, _, N>::new::<FMA>(tables, theta_i, h_um, &sigma) {
-        Some(m) => m.sample::<FMA>(u),
-        None => (None, Core::MISS),
-    }
-);
-kernel!(
-    run_directions = any_directions, [directions_fast, directions_large, directions_cone, directions_large_cone],
-    (theta_i: f32, h_um: f32, sigma: [f32; N] as same, wo: &[[f32; 3]], f: &mut [[f32; N]] as same_rows_mut, pdf: &mut [f32]) -> (),
-    |tables, FMA, L| match mixture::<FMA, _, _, L, _, N>(tables, theta_i, h_um, &sigma) {
-        Some((m, x)) => {
-            let mean = m.mean::<FMA>();
-            for ((wo, f), pdf) in wo.iter().zip(f).zip(pdf) {
-                let (refl, high, p) = m.eval_pdf::<FMA>(&x, &mean, *wo);
-                (*f, *pdf) = (sum(refl, high), p);
-            }
-        }
-        None => wo.iter().zip(f).zip(pdf).for_each(|((_, f), pdf)| (*f, *pdf) = ([0.0; N], 0.0)),
-    },
-    match ConeMixture::<_, _, L, _, N>::new::<FMA>(tables, theta_i, h_um, &sigma) {
-        Some(m) => {
-            let mean = m.mean::<FMA>();
-            for ((wo, f), pdf) in wo.iter().zip(f).zip(pdf) {
-                let (refl, high, p) = m.eval_pdf::<FMA>(&mean, *wo);
-                (*f, *pdf) = (sum(refl, high), p);
-            }
-        }
-        None => wo.iter().zip(f).zip(pdf).for_each(|((_, f), pdf)| (*f, *pdf) = ([0.0; N], 0.0)),
-    }
-);
-kernel!(
-    run_batch = any_batch, [batch_fast, batch_large, batch_cone, batch_large_cone],
-    (queries: Queries<'_, N> as same_queries, f: &mut [[f32; N]] as same_rows_mut) -> (),
-    |tables, FMA, L| batch::eval::<FMA, _, _, L, _, N>(tables, &queries, f),
-    cone_mixture::eval_batch::<FMA, _, _, L, _, N>(tables, &queries, f)
-);
-kernel!(
-    run_energies = any_energies, [energies_fast, energies_large, energies_cone, energies_large_cone],
-    (theta_i: f32, h_um: f32, sigma: [f32; N] as same) -> Energies<N>,
-    |tables, FMA, _L| match energies::<FMA, _, _, _, N>(tables, theta_i, h_um, &sigma) {
-        Some(e) => e,
-        None => Energies::MISS,
-    },
-    match energies::<FMA, _, _, _, N>(tables, theta_i, h_um, &sigma) {
-        Some(e) => e,
-        None => Energies::MISS,
-    }
-);
-kernel!(
-    run_slit_eval = any_slit_eval, [slit_eval_fast, slit_eval_large, slit_eval_cone, slit_eval_large_cone],
-    (share: f32, theta_i: f32, h_um: f32, sigma: [f32; N] as same, wo: [f32; 3]) -> (Core<N>, Diffracted<N>),
-    |tables, FMA, L| match weights::<FMA, _, _, L, _, N>(tables, theta_i, h_um, &sigma) {
-        Some((mut m, params)) => m.slit_eval_pdf::<FMA>(&params, tables.bandwidth, (share, theta_i), wo),
-        None => (Core::MISS, Diffracted { energy: [0.0; N], chance: 0.0 }),
-    },
-    match ConeMixture::<_, _, L, _, N>::new::<FMA>(tables, theta_i, h_um, &sigma) {
-        Some(mut m) => m.slit_eval_pdf::<FMA>(share, wo),
-        None => (Core::MISS, Diffracted { energy: [0.0; N], chance: 0.0 }),
-    }
-);
-kernel!(
-    run_slit_sample = any_slit_sample, [slit_sample_fast, slit_sample_large, slit_sample_cone, slit_sample_large_cone],
-    (share: f32, theta_i: f32, h_um: f32, sigma: [f32; N] as same, u: [f32; 3]) -> SlitSample,
-    |tables, FMA, L| match weights::<FMA, _, _, L, _, N>(tables, theta_i, h_um, &sigma) {
-        Some((mut m, params)) => m.slit_sample::<FMA>(&params, tables.bandwidth, (share, theta_i), u),
+    slit_sample_of <> [slit_sample_fast, slit_sample_large, slit_sample_cone, slit_sample_large_cone],
+    (share: f32, theta_i: f32, h_um: f32, sigma: &[f32], u: [f32; 3]) -> SlitSample,
+    |tables, FMA, L| match weights::<FMA, _, _, L, _>(tables, theta_i, h_um, sigma) {
+        Some((mut m, params)) => m.slit_sample::<FMA>(&params, tables.bandwidth, (share, theta_i), sigma, u),
         None => SlitSample::Missed(u[0]),
     },
-    match ConeMixture::<_, _, L, _, N>::new::<FMA>(tables, theta_i, h_um, &sigma) {
-        Some(mut m) => m.slit_sample::<FMA>(share, u),
+    match ConeMixture::<_, _, L, _>::new::<FMA>(tables, theta_i, h_um, sigma) {
+        Some(mut m) => m.slit_sample::<FMA>(share, sigma, u),
         None => SlitSample::Missed(u[0]),
     }
 );
 
-/// Lobes of fast tables.
-type FastLobes<const H: usize, const N: usize> = PreparedLobes<H, LANES, N>;
-type FastCones<const N: usize> = PreparedCones<MORE, LANES, N>;
-
-/// Prepared lobes of an incidence. They live on the stack of a host's query: a box would allocate.
-#[allow(clippy::large_enum_variant)]
-#[derive(Clone, Copy, Debug)]
-pub(crate) enum Prepared<const N: usize> {
-    Few(FastLobes<FEW, N>),
-    More(FastLobes<MORE, N>),
-    Cone(FastCones<N>),
-    /// The beam misses, or the tables are large.
-    Nothing,
-}
-
-compiled!(
-    /// Prepares the lobes at an incidence, in place.
-    run_prepare = any_prepare(
-        layout: &Layout, theta_i: f32, h_um: f32, sigma: &[f32; N] as same_ref, drawn_by: DrawnBy, prepared: &mut Prepared<N> as same_mut
-    ) -> ()
-);
-compiled!(
-    /// f_refl and f_high of prepared lobes; those of a beam that misses if there are none.
-    kept_eval = any_kept_eval(kept: &Prepared<N> as same_ref, wo: [f32; 3]) -> Core<N>
-);
-compiled!(
-    /// [`kept_eval`] with the density.
-    kept_eval_pdf = any_kept_eval_pdf(kept: &Prepared<N> as same_ref, wo: [f32; 3]) -> Core<N>
-);
-compiled!(
-    /// A direction sampled from prepared lobes, with [`kept_eval_pdf`] there.
-    kept_sample = any_kept_sample(kept: &Prepared<N> as same_ref, u: [f32; 3]) -> (Option<[f32; 3]>, Core<N>)
-);
-
+/// f_refl and f_high in a direction.
 #[inline]
-fn any_prepare<const N: usize>(
+pub(in crate::ply) fn eval<const N: usize>(
     layout: &Layout,
     theta_i: f32,
     h_um: f32,
     sigma: &[f32; N],
-    drawn_by: DrawnBy,
-    prepared: &mut Prepared<N>,
-) {
+    wo: [f32; 3],
+) -> Core<N> {
+    let mut high = [0.0; N];
+    eval_into(layout, theta_i, h_um, sigma, wo, &mut high).with(high)
+}
+
+/// [`eval`] with the density.
+#[inline]
+pub(in crate::ply) fn eval_pdf<const N: usize>(
+    layout: &Layout,
+    theta_i: f32,
+    h_um: f32,
+    sigma: &[f32; N],
+    wo: [f32; 3],
+) -> Core<N> {
+    let mut high = [0.0; N];
+    eval_pdf_into(layout, theta_i, h_um, sigma, wo, &mut high).with(high)
+}
+
+/// A direction, with [`eval_pdf`] there.
+#[inline]
+pub(in crate::ply) fn sample<const N: usize>(
+    layout: &Layout,
+    theta_i: f32,
+    h_um: f32,
+    sigma: &[f32; N],
+    u: [f32; 3],
+) -> (Option<[f32; 3]>, Core<N>) {
+    let mut high = [0.0; N];
+    let (wo, rest) = sample_into(layout, theta_i, h_um, sigma, u, &mut high);
+    (wo, rest.with(high))
+}
+
+/// f at many queries; 0 beyond their shortest array.
+#[inline]
+pub(in crate::ply) fn batch<const N: usize>(layout: &Layout, queries: &Queries<'_, N>, f: &mut [[f32; N]]) {
+    batch_into(layout, &queries.channels(), f.as_flattened_mut());
+}
+
+/// The energies that the lobes are scaled to.
+#[inline]
+pub(in crate::ply) fn energies<const N: usize>(
+    layout: &Layout,
+    theta_i: f32,
+    h_um: f32,
+    sigma: &[f32; N],
+) -> Energies<N> {
+    let mut high = [0.0; N];
+    let [r_d, refl] = energies_into(layout, theta_i, h_um, sigma, &mut high);
+    Energies { r_d, refl, high }
+}
+
+/// Share of f_high that a slit diffracts: energy, and the chance that a sample belongs to it.
+#[derive(Clone, Copy)]
+pub(in crate::ply) struct Diffracted<const N: usize> {
+    pub(in crate::ply) energy: [f32; N],
+    pub(in crate::ply) chance: f32,
+}
+
+/// [`eval_pdf`] less the share of a slit, and that share.
+#[inline]
+pub(in crate::ply) fn slit_eval_pdf<const N: usize>(
+    layout: &Layout,
+    share: f32,
+    (theta_i, h_um): (f32, f32),
+    sigma: &[f32; N],
+    wo: [f32; 3],
+) -> (Core<N>, Diffracted<N>) {
+    let (mut high, mut energy) = ([0.0; N], [0.0; N]);
+    let values = SlitValues { high: &mut high, taken: &mut energy };
+    let (rest, chance) = slit_eval_into(layout, share, theta_i, h_um, sigma, wo, values);
+    (rest.with(high), Diffracted { energy, chance })
+}
+
+/// Kind of a sample when a slit diffracts its share.
+#[inline]
+pub(in crate::ply) fn slit_sample<const N: usize>(
+    layout: &Layout,
+    share: f32,
+    (theta_i, h_um): (f32, f32),
+    sigma: &[f32; N],
+    u: [f32; 3],
+) -> SlitSample {
+    slit_sample_of(layout, share, theta_i, h_um, sigma, u)
+}
+
+/// Lobes of fast tables.
+type FastLobes<const H: usize> = PreparedLobes<H, LANES>;
+type FastCones = PreparedCones<MORE, LANES>;
+
+/// Prepared lobes of an incidence. They live on the stack of a host's query: a box would allocate.
+#[allow(clippy::large_enum_variant)]
+#[derive(Clone, Copy, Debug)]
+enum Ready {
+    Few(FastLobes<FEW>),
+    More(FastLobes<MORE>),
+    Cone(FastCones),
+    /// The beam misses, or the tables are large.
+    Nothing,
+}
+
+/// Lobes of an incidence prepared for directions and N absorptions; nothing where the beam misses or the
+/// tables are large.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Prepared<const N: usize> {
+    ready: Ready,
+    left: Option<Absorbed<N>>,
+}
+
+#[derive(Clone, Copy, Debug)]
+struct Absorbed<const N: usize> {
+    /// What absorptions leave of the lobes of f_high, scaled to the simulated energy.
+    left: [[f32; N]; MORE],
+    energies: Energies<N>,
+}
+
+impl<const N: usize> Prepared<N> {
+    pub(crate) const NOTHING: Self = Self::nothing();
+
+    /// [`Prepared::NOTHING`] made in place; a copy of the constant would be one of all its lobes.
+    #[inline(always)]
+    pub(crate) const fn nothing() -> Self {
+        Prepared { ready: Ready::Nothing, left: None }
+    }
+
+    /// The energies that the lobes are scaled to; none of nothing.
+    #[inline(always)]
+    pub(in crate::ply) fn energies(&self) -> Option<&Energies<N>> {
+        self.left.as_ref().map(|left| &left.energies)
+    }
+
+    #[inline(always)]
+    pub(in crate::ply) fn is_nothing(&self) -> bool {
+        self.left.is_none()
+    }
+
+    /// Prepares the lobes at an incidence, in place.
+    #[inline]
+    pub(in crate::ply) fn set(&mut self, layout: &Layout, theta_i: f32, h_um: f32, sigma: &[f32; N], by: DrawnBy) {
+        let energies = Energies { r_d: 1.0, refl: 0.0, high: [0.0; N] };
+        let to = self.left.insert(Absorbed { left: [[0.0; N]; MORE], energies });
+        let left = Left { energy: &mut to.energies.high, left: to.left.as_flattened_mut() };
+        match prepare(layout, theta_i, h_um, (sigma, by), left, &mut self.ready) {
+            Some(energies) => [to.energies.r_d, to.energies.refl] = energies,
+            None => self.left = None,
+        }
+    }
+
+    /// f_refl and f_high in a direction, with the density for cones; not for nothing.
+    #[inline]
+    pub(in crate::ply) fn eval(&self, wo: [f32; 3]) -> Core<N> {
+        let mut high = [0.0; N];
+        let Some(Absorbed { left, .. }) = &self.left else { return Rest::MISS.with(high) };
+        eval_prepared(&self.ready, left.as_flattened(), wo, &mut high).with(high)
+    }
+
+    /// [`Prepared::eval`] with the density.
+    #[inline]
+    pub(in crate::ply) fn eval_pdf(&self, wo: [f32; 3]) -> Core<N> {
+        let mut high = [0.0; N];
+        let Some(Absorbed { left, .. }) = &self.left else { return Rest::MISS.with(high) };
+        eval_pdf_prepared(&self.ready, left.as_flattened(), wo, &mut high).with(high)
+    }
+
+    /// A direction, with [`Prepared::eval_pdf`] there.
+    #[inline]
+    pub(in crate::ply) fn sample(&self, u: [f32; 3]) -> (Option<[f32; 3]>, Core<N>) {
+        let mut high = [0.0; N];
+        let Some(Absorbed { left, .. }) = &self.left else { return (None, Rest::MISS.with(high)) };
+        let (wo, rest) = sample_prepared(&self.ready, left.as_flattened(), u, &mut high);
+        (wo, rest.with(high))
+    }
+}
+
+fn eval_prepared(ready: &Ready, left: &[f32], wo: [f32; 3], high: &mut [f32]) -> Rest {
+    match ready {
+        Ready::Few(x) => prepared_eval(x, left, wo, high),
+        Ready::More(x) => prepared_eval(x, left, wo, high),
+        Ready::Cone(x) => cone_eval_pdf(x, left, wo, high),
+        Ready::Nothing => Rest::MISS,
+    }
+}
+
+fn eval_pdf_prepared(ready: &Ready, left: &[f32], wo: [f32; 3], high: &mut [f32]) -> Rest {
+    match ready {
+        Ready::Few(x) => prepared_eval_pdf(x, left, wo, high),
+        Ready::More(x) => prepared_eval_pdf(x, left, wo, high),
+        Ready::Cone(x) => cone_eval_pdf(x, left, wo, high),
+        Ready::Nothing => Rest::MISS,
+    }
+}
+
+fn sample_prepared(ready: &Ready, left: &[f32], u: [f32; 3], high: &mut [f32]) -> (Option<[f32; 3]>, Rest) {
+    match ready {
+        Ready::Few(x) => prepared_sample(x, left, u, high),
+        Ready::More(x) => prepared_sample(x, left, u, high),
+        Ready::Cone(x) => cone_sample(x, left, u, high),
+        Ready::Nothing => (None, Rest::MISS),
+    }
+}
+
+/// Prepares the lobes at an incidence, in place; r_d and the energy of f_refl, or none of nothing.
+fn prepare(
+    layout: &Layout,
+    theta_i: f32,
+    h_um: f32,
+    sigma: (&[f32], DrawnBy),
+    left: Left<'_>,
+    ready: &mut Ready,
+) -> Option<[f32; 2]> {
     match layout {
-        Layout::Few(tables) => prepare_few(tables, theta_i, h_um, sigma, drawn_by, prepared),
-        Layout::More(tables) => prepare_more(tables, theta_i, h_um, sigma, drawn_by, prepared),
-        Layout::Cone(tables) => prepare_cone(tables, theta_i, h_um, sigma, drawn_by, prepared),
-        Layout::Large(_) | Layout::LargeCone(_) => (),
-    }
-}
-
-#[inline]
-fn any_kept_eval<const N: usize>(kept: &Prepared<N>, wo: [f32; 3]) -> Core<N> {
-    match kept {
-        Prepared::Few(x) => prepared_eval(x, wo),
-        Prepared::More(x) => prepared_eval(x, wo),
-        Prepared::Cone(x) => cone_eval_pdf(x, wo),
-        Prepared::Nothing => Core::MISS,
-    }
-}
-
-#[inline]
-fn any_kept_eval_pdf<const N: usize>(kept: &Prepared<N>, wo: [f32; 3]) -> Core<N> {
-    match kept {
-        Prepared::Few(x) => prepared_eval_pdf(x, wo),
-        Prepared::More(x) => prepared_eval_pdf(x, wo),
-        Prepared::Cone(x) => cone_eval_pdf(x, wo),
-        Prepared::Nothing => Core::MISS,
-    }
-}
-
-#[inline]
-fn any_kept_sample<const N: usize>(kept: &Prepared<N>, u: [f32; 3]) -> (Option<[f32; 3]>, Core<N>) {
-    match kept {
-        Prepared::Few(x) => prepared_sample(x, u),
-        Prepared::More(x) => prepared_sample(x, u),
-        Prepared::Cone(x) => cone_sample(x, u),
-        Prepared::Nothing => (None, Core::MISS),
+        Layout::Few(tables) => prepare_few(tables, theta_i, h_um, sigma, left, ready),
+        Layout::More(tables) => prepare_more(tables, theta_i, h_um, sigma, left, ready),
+        Layout::Cone(tables) => prepare_cone(tables, theta_i, h_um, sigma, left, ready),
+        Layout::Large(_) | Layout::LargeCone(_) => None,
     }
 }
 
 /// Declares a kernel of prepared lobes, compiled for several instruction sets.
 macro_rules! prepared {
-    ($name:ident <$($h:ident)?>, ($($arg:ident: $type:ty),*) -> $out:ty, |$fma:ident| $body:expr) => {
-        #[multiversion(targets(
-            "x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+avx2+bmi1+bmi2+fma",
-            "x86_64+avx2+bmi1+bmi2+fma"
-        ))]
-        fn $name<$(const $h: usize,)? const N: usize>($($arg: $type),*) -> $out {
+    ($name:ident <$($life:lifetime)? $($h:ident)?>, ($($arg:ident: $type:ty),*) -> $out:ty, |$fma:ident| $body:expr) => {
+        #[multiversion(targets("x86_64+avx2+bmi1+bmi2+fma"))]
+        fn $name<$($life,)? $(const $h: usize)?>($($arg: $type),*) -> $out {
             const $fma: bool = target_cfg_f!(target_feature = "fma") || cfg!(target_arch = "aarch64");
             $body
         }
     };
 }
 
-prepared!(prepare_few<>, (tables: &Fast<FEW>, theta_i: f32, h_um: f32, sigma: &[f32; N], drawn_by: DrawnBy, prepared: &mut Prepared<N>) -> (), |FMA| {
-    if let Some((mixture, shapes)) = mixture::<FMA, _, _, LANES, _, N>(tables, theta_i, h_um, sigma) {
-        *prepared = Prepared::Few(PreparedLobes::new::<FMA, _, _>(&mixture, &shapes, drawn_by));
+prepared!(prepare_few<'a>, (tables: &Fast<FEW>, theta_i: f32, h_um: f32, sigma: (&[f32], DrawnBy), left: Left<'a>, ready: &mut Ready) -> Option<[f32; 2]>, |FMA| {
+    match mixture::<FMA, _, _, LANES, _>(tables, theta_i, h_um, sigma.0) {
+        Some((m, shapes)) => {
+            let drawing = m.leave(sigma.0, sigma.1, left);
+            *ready = Ready::Few(PreparedLobes::new::<FMA, _, _>(&m, &shapes, &drawing));
+            Some([m.r_d, m.refl])
+        }
+        None => None,
     }
 });
-prepared!(prepare_more<>, (tables: &Fast<MORE>, theta_i: f32, h_um: f32, sigma: &[f32; N], drawn_by: DrawnBy, prepared: &mut Prepared<N>) -> (), |FMA| {
-    if let Some((mixture, shapes)) = mixture::<FMA, _, _, LANES, _, N>(tables, theta_i, h_um, sigma) {
-        *prepared = Prepared::More(PreparedLobes::new::<FMA, _, _>(&mixture, &shapes, drawn_by));
+prepared!(prepare_more<'a>, (tables: &Fast<MORE>, theta_i: f32, h_um: f32, sigma: (&[f32], DrawnBy), left: Left<'a>, ready: &mut Ready) -> Option<[f32; 2]>, |FMA| {
+    match mixture::<FMA, _, _, LANES, _>(tables, theta_i, h_um, sigma.0) {
+        Some((m, shapes)) => {
+            let drawing = m.leave(sigma.0, sigma.1, left);
+            *ready = Ready::More(PreparedLobes::new::<FMA, _, _>(&m, &shapes, &drawing));
+            Some([m.r_d, m.refl])
+        }
+        None => None,
     }
 });
-prepared!(prepare_cone<>, (tables: &Fast<MORE>, theta_i: f32, h_um: f32, sigma: &[f32; N], drawn_by: DrawnBy, prepared: &mut Prepared<N>) -> (), |FMA| {
-    if let Some(mixture) = ConeMixture::<_, _, LANES, _, N>::new::<FMA>(tables, theta_i, h_um, sigma) {
-        *prepared = Prepared::Cone(PreparedCones::new::<FMA, _, _>(&mixture, drawn_by));
+prepared!(prepare_cone<'a>, (tables: &Fast<MORE>, theta_i: f32, h_um: f32, sigma: (&[f32], DrawnBy), left: Left<'a>, ready: &mut Ready) -> Option<[f32; 2]>, |FMA| {
+    match ConeMixture::<_, _, LANES, _>::new::<FMA>(tables, theta_i, h_um, sigma.0) {
+        Some(m) => {
+            let drawing = m.weights.leave(sigma.0, sigma.1, left);
+            *ready = Ready::Cone(PreparedCones::new::<FMA, _, _>(&m, &drawing));
+            Some([m.weights.r_d, m.weights.refl])
+        }
+        None => None,
     }
 });
-prepared!(cone_eval_pdf<>, (x: &FastCones<N>, wo: [f32; 3]) -> Core<N>, |FMA| x.eval_pdf::<FMA>(wo));
-prepared!(cone_sample<>, (x: &FastCones<N>, u: [f32; 3]) -> (Option<[f32; 3]>, Core<N>), |FMA| x.sample::<FMA>(u));
-prepared!(prepared_eval<H>, (x: &FastLobes<H, N>, wo: [f32; 3]) -> Core<N>, |FMA| x.eval::<FMA>(wo));
-prepared!(prepared_eval_pdf<H>, (x: &FastLobes<H, N>, wo: [f32; 3]) -> Core<N>, |FMA| x.eval_pdf::<FMA>(wo));
-prepared!(prepared_sample<H>, (x: &FastLobes<H, N>, u: [f32; 3]) -> (Option<[f32; 3]>, Core<N>), |FMA| x.sample::<FMA>(u));
+prepared!(cone_eval_pdf<>, (x: &FastCones, left: &[f32], wo: [f32; 3], high: &mut [f32]) -> Rest, |FMA| x.eval_pdf::<FMA>(left, wo, high));
+prepared!(cone_sample<>, (x: &FastCones, left: &[f32], u: [f32; 3], high: &mut [f32]) -> (Option<[f32; 3]>, Rest), |FMA| x.sample::<FMA>(left, u, high));
+prepared!(prepared_eval<H>, (x: &FastLobes<H>, left: &[f32], wo: [f32; 3], high: &mut [f32]) -> Rest, |FMA| x.eval::<FMA, false>(left, wo, high));
+prepared!(prepared_eval_pdf<H>, (x: &FastLobes<H>, left: &[f32], wo: [f32; 3], high: &mut [f32]) -> Rest, |FMA| x.eval::<FMA, true>(left, wo, high));
+prepared!(prepared_sample<H>, (x: &FastLobes<H>, left: &[f32], u: [f32; 3], high: &mut [f32]) -> (Option<[f32; 3]>, Rest), |FMA| x.sample::<FMA>(left, u, high));

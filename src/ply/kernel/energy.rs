@@ -1,10 +1,9 @@
-//! Energies at an incidence: interpolated over the nodes, absorbed along the paths, and the factors that
-//! scale lobes to them.
+//! Energies at an incidence, interpolated over the nodes.
 
+use super::absorption::energies_by_sigma;
 use super::grid_cell::{GridCell, locate};
 use super::layout::{Shares, Tables};
-use crate::math::simd::{exp2, fma, max, min};
-use crate::ply::data::MIN_TRANSMITTANCE;
+use crate::math::simd::{fma, max, min};
 
 /// r_d, energy of f_refl and of f_high per sigma.
 #[derive(Clone, Copy, Debug)]
@@ -15,12 +14,11 @@ pub(crate) struct Energies<const N: usize> {
 }
 
 impl<const N: usize> Energies<N> {
-    /// A beam beyond the nodes, which hits nothing.
-    pub(in crate::ply) const MISS: Self = Energies { r_d: 1.0, refl: 0.0, high: [0.0; N] };
-
     /// Total scattered energy.
     pub(crate) fn albedo(&self) -> [f32; N] {
-        sum(self.refl, self.high)
+        let mut all = self.high;
+        all.iter_mut().for_each(|e| *e += self.refl);
+        all
     }
 }
 
@@ -30,18 +28,6 @@ pub(in crate::ply) enum DrawnBy {
     /// Their mean.
     Mean,
     First,
-}
-
-impl DrawnBy {
-    /// Scattered energy plus the missed light: the total from which a sample is chosen.
-    #[inline(always)]
-    pub(in crate::ply) fn total<const N: usize>(self, energies: &Energies<N>) -> f32 {
-        energies.r_d
-            + match self {
-                DrawnBy::Mean => mean_sum(energies.refl, &energies.high),
-                DrawnBy::First => energies.refl + energies.high.first().copied().unwrap_or(0.0),
-            }
-    }
 }
 
 /// Values of the lobes in one direction, and the missed light.
@@ -56,50 +42,31 @@ pub(crate) struct Core<const N: usize> {
     pub(in crate::ply) missed: f32,
 }
 
-impl<const N: usize> Core<N> {
+/// [`Core`] but for f_high.
+#[derive(Clone, Copy)]
+pub(in crate::ply) struct Rest {
+    pub(in crate::ply) refl: f32,
+    pub(in crate::ply) pdf: f32,
+    pub(in crate::ply) r_d: f32,
+    pub(in crate::ply) missed: f32,
+}
+
+impl Rest {
     /// A beam beyond the nodes.
-    pub(in crate::ply) const MISS: Self = Core { refl: 0.0, high: [0.0; N], pdf: 0.0, r_d: 1.0, missed: 1.0 };
+    pub(in crate::ply) const MISS: Self = Rest { refl: 0.0, pdf: 0.0, r_d: 1.0, missed: 1.0 };
+
+    /// Joined with f_high.
+    #[inline(always)]
+    pub(in crate::ply) fn with<const N: usize>(self, high: [f32; N]) -> Core<N> {
+        let Rest { refl, pdf, r_d, missed } = self;
+        Core { refl, high, pdf, r_d, missed }
+    }
 }
 
 /// `w[0] x[0] + .. + w[3] x[3]`.
 #[inline(always)]
 pub(in crate::ply) fn mix<const FMA: bool>(w: [f32; 4], x: [f32; 4]) -> f32 {
     fma::<FMA>(w[3], x[3], fma::<FMA>(w[2], x[2], fma::<FMA>(w[1], x[1], w[0] * x[0])))
-}
-
-/// Clamps an absorption to 0 to 1e6 per um; NaN counts as 0.
-#[inline(always)]
-pub(crate) fn clamped_sigma<const N: usize>(sigma: &[f32; N]) -> [f32; N] {
-    let mut s = [0.0; N];
-    for k in 0..N {
-        s[k] = min(max(sigma[k], 0.0), 1e6);
-    }
-    s
-}
-
-/// Transmittance of a path from its binary logarithm.
-#[inline(always)]
-pub(in crate::ply) fn transmittance<const FMA: bool>(log2: f32) -> f32 {
-    exp2::<FMA>(log2) + MIN_TRANSMITTANCE as f32
-}
-
-/// Transmittances of the path lengths.
-#[inline(always)]
-pub(in crate::ply) fn transmittances<const FMA: bool, const J: usize, const N: usize>(
-    path: &[f32; J],
-    sigma: &[f32; N],
-) -> [[f32; N]; J] {
-    let sigma = clamped_sigma(sigma);
-    let mut t = [[0.0; N]; J];
-    for j in 0..J {
-        for k in 0..N {
-            t[j][k] = sigma[k] * path[j];
-        }
-    }
-    for t in t.as_flattened_mut() {
-        *t = transmittance::<FMA>(*t);
-    }
-    t
 }
 
 /// Missed light, and the energies of scattered light.
@@ -145,90 +112,23 @@ pub(in crate::ply) fn interpolate_node<const FMA: bool, const H: usize, const R:
     Some(Node { r_d, refl: max(refl, 0.0) * hit, high })
 }
 
-/// Sum over path lengths of a spectrum times its transmittances.
+/// r_d and the energy of f_refl at an incidence, that of f_high per sigma in `high`, as `albedo` and `r_d`
+/// return them and as lobes are scaled to; 1 and 0 where the beam misses.
 #[inline(always)]
-pub(in crate::ply) fn absorb<const FMA: bool, const J: usize, const N: usize>(
-    spectrum: &[f32; J],
-    t: &[[f32; N]; J],
-) -> [f32; N] {
-    // Two sums halve the chain of dependent additions.
-    let (mut even, mut odd) = ([0.0; N], [0.0; N]);
-    for j in 0..J / 2 {
-        for k in 0..N {
-            even[k] = fma::<FMA>(spectrum[2 * j], t[2 * j][k], even[k]);
-            odd[k] = fma::<FMA>(spectrum[2 * j + 1], t[2 * j + 1][k], odd[k]);
-        }
-    }
-    for k in 0..N {
-        even[k] += odd[k];
-    }
-    even
-}
-
-/// Exact energies at an incidence, as `albedo` and `r_d` return them and as lobes are scaled to.
-#[inline(always)]
-pub(in crate::ply) fn energies<const FMA: bool, const H: usize, const R: usize, const J: usize, const N: usize>(
+pub(in crate::ply) fn energies<const FMA: bool, const H: usize, const R: usize, const J: usize>(
     tables: &Tables<H, R, J>,
     theta_i: f32,
     h_um: f32,
-    sigma: &[f32; N],
-) -> Option<Energies<N>> {
+    sigma: &[f32],
+    high: &mut [f32],
+) -> [f32; 2] {
     let p = &locate::<FMA>(&tables.grid, theta_i, h_um);
     if !p.hit {
-        return None;
+        return [1.0, 0.0];
     }
-    let node = interpolate_node::<FMA, H, R, J>(tables, p)?;
-    let t = transmittances::<FMA, J, N>(&tables.path, sigma);
-    Some(Energies { r_d: node.r_d, refl: node.refl, high: absorb::<FMA, J, N>(&node.high, &t) })
-}
-
-/// Sum over the high-order lobes after absorption. Not scaled.
-#[inline(always)]
-pub(in crate::ply) fn absorbed<const FMA: bool, const H: usize, const J: usize, const N: usize>(
-    pairs: usize,
-    value: &[f32; H],
-    spectrum: &[[f32; J]; H],
-    t: &[[f32; N]; J],
-) -> [f32; N] {
-    // The loop runs over pairs of lobes, a number unknown to the compiler: it then keeps the path lengths in
-    // vectors.
-    let (mut even, mut odd) = ([0.0; J], [0.0; J]);
-    for (value, spectrum) in value.as_chunks::<2>().0.iter().zip(spectrum.as_chunks::<2>().0).take(pairs) {
-        for j in 0..J {
-            even[j] = fma::<FMA>(value[0], spectrum[0][j], even[j]);
-            odd[j] = fma::<FMA>(value[1], spectrum[1][j], odd[j]);
-        }
-    }
-    for j in 0..J {
-        even[j] += odd[j];
-    }
-    absorb::<FMA, J, N>(&even, t)
-}
-
-/// Factors that scale lobes with these sums of energies to the simulated energies.
-#[inline(always)]
-pub(in crate::ply) fn scales<const N: usize>(energies: &Energies<N>, refl: f32, high: &[f32; N]) -> (f32, [f32; N]) {
-    let mut scale = [0.0; N];
-    for k in 0..N {
-        scale[k] = energies.high[k] / high[k];
-    }
-    (energies.refl / refl, scale)
-}
-
-/// f_refl + f_high. (The standard `map` is not always inlined into code for instruction sets other than the
-/// default.)
-#[inline(always)]
-pub(in crate::ply) fn sum<const N: usize>(refl: f32, mut high: [f32; N]) -> [f32; N] {
-    for f in &mut high {
-        *f += refl;
-    }
-    high
-}
-
-/// Reflection part plus the mean of the high-order parts.
-#[inline(always)]
-pub(in crate::ply) fn mean_sum<const N: usize>(refl: f32, high: &[f32; N]) -> f32 {
-    refl + high.iter().sum::<f32>() * (1.0 / N.max(1) as f32)
+    let Some(node) = interpolate_node::<FMA, H, R, J>(tables, p) else { return [1.0, 0.0] };
+    energies_by_sigma::<FMA, J>(&node.high, &tables.path, sigma, high);
+    [node.r_d, node.refl]
 }
 
 /// Sum by halves; the length is a power of 2.

@@ -45,22 +45,22 @@ pub(crate) struct Uncached<'a, const N: usize> {
 impl<const N: usize> Lobes<N> for Uncached<'_, N> {
     #[inline]
     fn eval(&self, wo: [f32; 3]) -> Core<N> {
-        dispatch::run_eval(self.layout, self.theta_i, self.h_um, self.sigma_per_um, wo)
+        dispatch::eval(self.layout, self.theta_i, self.h_um, &self.sigma_per_um, wo)
     }
 
     #[inline]
     fn eval_pdf(&self, wo: [f32; 3]) -> Core<N> {
-        dispatch::run_eval_pdf(self.layout, self.theta_i, self.h_um, self.sigma_per_um, wo)
+        dispatch::eval_pdf(self.layout, self.theta_i, self.h_um, &self.sigma_per_um, wo)
     }
 
     #[inline]
     fn sample(&self, u: [f32; 3]) -> (Option<[f32; 3]>, Core<N>) {
-        dispatch::run_sample(self.layout, self.theta_i, self.h_um, self.sigma_per_um, u)
+        dispatch::sample(self.layout, self.theta_i, self.h_um, &self.sigma_per_um, u)
     }
 
     #[inline]
     fn energies(&self) -> Energies<N> {
-        dispatch::run_energies(self.layout, self.theta_i, self.h_um, self.sigma_per_um)
+        dispatch::energies(self.layout, self.theta_i, self.h_um, &self.sigma_per_um)
     }
 }
 
@@ -81,7 +81,7 @@ impl<const N: usize> Uncached<'_, N> {
 
     #[inline]
     fn prepare_drawn_by(&self, drawn_by: DrawnBy, prepared: &mut Prepared<N>) {
-        dispatch::run_prepare(self.layout, self.theta_i, self.h_um, &self.sigma_per_um, drawn_by, prepared);
+        prepared.set(self.layout, self.theta_i, self.h_um, &self.sigma_per_um, drawn_by);
     }
 }
 
@@ -132,18 +132,15 @@ impl<const N: usize> ByFirst<'_, N> {
     pub fn sample(&self, u: [f32; 3]) -> Option<([f32; 3], LobeLight<N>)> {
         // The last numbers belong to missed light.
         let u = [(u[0] * self.hit).min(self.hit * (1.0 - 1e-6)), u[1], u[2]];
-        let (w, core) = match &self.lobes.prepared {
-            Prepared::Nothing => {
-                let Uncached { layout, theta_i, h_um, sigma_per_um } = self.lobes.uncached;
-                let first = [sigma_per_um.first().copied().unwrap_or(0.0)];
-                let (w, drawn) = Uncached { layout, theta_i, h_um, sigma_per_um: first }.sample(u);
-                let w = w?;
-                (w, Core { pdf: drawn.pdf, ..self.lobes.uncached.eval(w) })
-            }
-            kept => {
-                let (w, core) = dispatch::kept_sample(kept, u);
-                (w?, core)
-            }
+        let (w, core) = if self.lobes.prepared.is_nothing() {
+            let Uncached { layout, theta_i, h_um, sigma_per_um } = self.lobes.uncached;
+            let first = [sigma_per_um.first().copied().unwrap_or(0.0)];
+            let (w, drawn) = Uncached { layout, theta_i, h_um, sigma_per_um: first }.sample(u);
+            let w = w?;
+            (w, Core { pdf: drawn.pdf, ..self.lobes.uncached.eval(w) })
+        } else {
+            let (w, core) = self.lobes.prepared.sample(u);
+            (w?, core)
         };
         Some((w, LobeLight { refl: [core.refl; N], high: core.high, pdf: core.pdf / self.hit }))
     }
@@ -152,36 +149,22 @@ impl<const N: usize> ByFirst<'_, N> {
 impl<const N: usize> Lobes<N> for Kept<'_, N> {
     #[inline]
     fn eval(&self, wo: [f32; 3]) -> Core<N> {
-        match self.prepared {
-            Prepared::Nothing => self.uncached.eval(wo),
-            kept => dispatch::kept_eval(kept, wo),
-        }
+        if self.prepared.is_nothing() { self.uncached.eval(wo) } else { self.prepared.eval(wo) }
     }
 
     #[inline]
     fn eval_pdf(&self, wo: [f32; 3]) -> Core<N> {
-        match self.prepared {
-            Prepared::Nothing => self.uncached.eval_pdf(wo),
-            kept => dispatch::kept_eval_pdf(kept, wo),
-        }
+        if self.prepared.is_nothing() { self.uncached.eval_pdf(wo) } else { self.prepared.eval_pdf(wo) }
     }
 
     #[inline]
     fn sample(&self, u: [f32; 3]) -> (Option<[f32; 3]>, Core<N>) {
-        match self.prepared {
-            Prepared::Nothing => self.uncached.sample(u),
-            kept => dispatch::kept_sample(kept, u),
-        }
+        if self.prepared.is_nothing() { self.uncached.sample(u) } else { self.prepared.sample(u) }
     }
 
     #[inline]
     fn energies(&self) -> Energies<N> {
-        match self.prepared {
-            Prepared::Few(prepared) => prepared.energies,
-            Prepared::More(prepared) => prepared.energies,
-            Prepared::Cone(prepared) => prepared.energies,
-            Prepared::Nothing => self.uncached.energies(),
-        }
+        self.prepared.energies().copied().unwrap_or_else(|| self.uncached.energies())
     }
 }
 
@@ -215,7 +198,7 @@ impl PlyModel {
 
     #[inline(always)]
     pub(crate) fn cached<const N: usize>(&self, theta_i: f32, h_um: f32, sigma_per_um: [f32; N]) -> Cached<'_, N> {
-        Cached { uncached: self.uncached(theta_i, h_um, sigma_per_um), prepared: Prepared::Nothing }
+        Cached { uncached: self.uncached(theta_i, h_um, sigma_per_um), prepared: Prepared::nothing() }
     }
 
     /// The lobes at an incidence, interpolated once, for directions sampled by the first absorption.

@@ -3,21 +3,20 @@
 //!
 //! Every loop over lanes is contiguous, of constant length, and has a body long enough that the compiler
 //! vectorizes it before it would unroll it. With T the transmittances of the J path lengths, e_l and p_l the
-//! energy and spectrum of lobe l and G_l its value, `f_high = scale * sum_j T_j sum_l e_l G_l p_lj`, so the
-//! sum over lobes is done once for all absorptions. Bandwidths here are t = mu log2 e, as `s = sqrt(t)`:
+//! energy and spectrum of lobe l and G_l its value, `f_high = scale * sum_j T_j V_j` with
+//! `V_j = sum_l e_l G_l p_lj`: the sums V over the lobes are the same for all absorptions, and a loop over
+//! any number of absorptions follows them. The density of samples is linear in the lobes too and is summed
+//! in the same way. Bandwidths here are t = mu log2 e, as `s = sqrt(t)`:
 //! `exp(-mu1 u^2 - mu2 w^2) = 2^-((s1 u)^2 + (s2 w)^2)`.
 
-use super::energy::interpolate_node;
-use super::energy::{Core, DrawnBy, Energies, absorb, absorbed, halves, scales, transmittances};
+use super::absorption::{Block, Left, Spectra, by_path, first_transmittances};
+use super::energy::{DrawnBy, Rest, halves, interpolate_node};
 use super::grid_cell::{locate, mirrored};
 use super::interpolate::{interpolate_high, interpolate_refl};
 use super::layout::Tables;
 use super::lobe::{Axes, amplitudes, axes, disc_point, disc_share, project, root_width, shape, unit};
 use crate::math::simd::{fma, max, min};
 use crate::ply::asg::PARAMS;
-
-/// f_refl and f_high per sigma in a direction, and the density of sampling it [1/sr].
-pub(in crate::ply) type Values<const N: usize> = (f32, [f32; N], f32);
 
 /// Rows of the tables, interpolated.
 pub(in crate::ply) type Params<const L: usize> = [[f32; L]; PARAMS];
@@ -44,40 +43,42 @@ impl<const L: usize> Shapes<L> {
 }
 
 /// The weights of the lobes at one incidence: H high-order and R reflection lanes, then empty ones up to L; J
-/// path lengths, N absorptions.
-pub(in crate::ply) struct Mixture<const H: usize, const R: usize, const L: usize, const J: usize, const N: usize> {
+/// path lengths.
+pub(in crate::ply) struct Mixture<'a, const H: usize, const R: usize, const L: usize, const J: usize> {
     /// Energy before the scale to the simulated energy.
     pub(in crate::ply) energy: [f32; L],
     /// Path-length spectra of the high-order lobes.
-    spectrum: [[f32; J]; H],
-    /// Transmittance of each path length.
-    transmittance: [[f32; N]; J],
-    /// Scale of the high-order lobes to the simulated energy.
-    scale_high: [f32; N],
+    pub(in crate::ply) spectrum: [[f32; J]; H],
+    pub(in crate::ply) r_d: f32,
+    /// Simulated energy of f_refl.
+    pub(in crate::ply) refl: f32,
+    /// Scale of the high-order lobes to the simulated energy, as they are before a slit takes its share.
+    spectra: Spectra<'a, J>,
     /// Scale of the reflection lobes to the simulated energy.
     pub(in crate::ply) scale_refl: f32,
     /// Pairs of high-order lobes.
-    pairs: usize,
+    pub(in crate::ply) pairs: usize,
     pub(in crate::ply) flip: bool,
-    pub(in crate::ply) energies: Energies<N>,
+}
+
+/// The weights by which a sample chooses a lobe.
+pub(in crate::ply) struct Drawing<const L: usize> {
+    /// By lane: the factor that gives the mean of a lobe's energy over the absorptions, scaled to the simulated
+    /// energy.
+    pub(in crate::ply) mean: [f32; L],
+    /// The scattered energy, mean over the absorptions, plus the missed light.
+    pub(in crate::ply) total: f32,
 }
 
 /// The lobes at an incidence; `None` where the beam misses.
 #[inline(always)]
-pub(in crate::ply) fn mixture<
-    const FMA: bool,
-    const H: usize,
-    const R: usize,
-    const L: usize,
-    const J: usize,
-    const N: usize,
->(
-    tables: &Tables<H, R, J>,
+pub(in crate::ply) fn mixture<'a, const FMA: bool, const H: usize, const R: usize, const L: usize, const J: usize>(
+    tables: &'a Tables<H, R, J>,
     theta_i: f32,
     h_um: f32,
-    sigma: &[f32; N],
-) -> Option<(Mixture<H, R, L, J, N>, Shapes<L>)> {
-    let (mut x, params) = weights::<FMA, H, R, L, J, N>(tables, theta_i, h_um, sigma)?;
+    sigma: &[f32],
+) -> Option<(Mixture<'a, H, R, L, J>, Shapes<L>)> {
+    let (mut x, params) = weights::<FMA, H, R, L, J>(tables, theta_i, h_um, sigma)?;
     let shapes = x.shapes::<FMA>(&params, tables.bandwidth);
     x.scale::<FMA>();
     Some((x, shapes))
@@ -86,19 +87,13 @@ pub(in crate::ply) fn mixture<
 /// [`mixture`] without the shapes of the lobes and without [`Mixture::scale`], which together with the scale
 /// suffices to choose a lobe.
 #[inline(always)]
-pub(in crate::ply) fn weights<
-    const FMA: bool,
-    const H: usize,
-    const R: usize,
-    const L: usize,
-    const J: usize,
-    const N: usize,
->(
-    tables: &Tables<H, R, J>,
+pub(in crate::ply) fn weights<'a, const FMA: bool, const H: usize, const R: usize, const L: usize, const J: usize>(
+    tables: &'a Tables<H, R, J>,
     theta_i: f32,
     h_um: f32,
-    sigma: &[f32; N],
-) -> Option<(Mixture<H, R, L, J, N>, Params<L>)> {
+    sigma: &[f32],
+) -> Option<(Mixture<'a, H, R, L, J>, Params<L>)> {
+    let first = first_transmittances(&tables.path, sigma);
     let p = &locate::<FMA>(&tables.grid, theta_i, h_um);
     if !p.hit {
         return None;
@@ -106,8 +101,6 @@ pub(in crate::ply) fn weights<
     let node = interpolate_node::<FMA, H, R, J>(tables, p)?;
     let refl = interpolate_refl::<FMA, H, R, J>(tables, p)?;
     let high = interpolate_high::<FMA, H, R, J>(tables, p)?;
-    let transmittance = transmittances::<FMA, J, N>(&tables.path, sigma);
-    let energies = Energies { r_d: node.r_d, refl: node.refl, high: absorb::<FMA, J, N>(&node.high, &transmittance) };
     let mut params = [[0.0; L]; PARAMS];
     let mut least = [0.0; L];
     for k in 0..PARAMS {
@@ -119,12 +112,12 @@ pub(in crate::ply) fn weights<
     let mut x = Mixture {
         energy: [0.0; L],
         spectrum: high.spectrum,
-        transmittance,
-        scale_high: [0.0; N],
+        r_d: node.r_d,
+        refl: node.refl,
+        spectra: Spectra { path: &tables.path, simulated: node.high, all: [0.0; J], first },
         scale_refl: 0.0,
         pairs: tables.pairs,
         flip: p.flip,
-        energies,
     };
     for i in 0..L {
         x.energy[i] = max(params[5][i], least[i]);
@@ -138,12 +131,12 @@ fn part<const A: usize>(x: &[f32], at: usize) -> &[f32; A] {
     x.get(at..).and_then(|x| x.first_chunk()).unwrap_or(&[0.0; A])
 }
 
-impl<const H: usize, const R: usize, const L: usize, const J: usize, const N: usize> Mixture<H, R, L, J, N> {
-    /// Finds the factors that scale the lobes to the simulated energies.
+impl<const H: usize, const R: usize, const L: usize, const J: usize> Mixture<'_, H, R, L, J> {
+    /// Finds what scales the lobes to the simulated energies.
     #[inline(always)]
     pub(in crate::ply) fn scale<const FMA: bool>(&mut self) {
-        let (refl, high) = self.absorbed::<FMA>(&self.energy);
-        (self.scale_refl, self.scale_high) = scales(&self.energies, refl, &high);
+        let (refl, high) = self.sum::<FMA>(&self.energy);
+        (self.scale_refl, self.spectra.all) = (self.refl / refl, high);
     }
 
     /// Axes, widths and amplitudes of the lobes.
@@ -169,46 +162,93 @@ impl<const H: usize, const R: usize, const L: usize, const J: usize, const N: us
         x
     }
 
-    /// Sums over the lobes of `value` by lane: reflection, and high-order after absorption. Not scaled.
+    /// Sums over the lobes of `value` by lane: reflection, and high-order by path length. Not scaled.
     #[inline(always)]
-    fn absorbed<const FMA: bool>(&self, value: &[f32; L]) -> (f32, [f32; N]) {
-        let high = absorbed::<FMA, H, J, N>(self.pairs, part(value, 0), &self.spectrum, &self.transmittance);
+    pub(in crate::ply) fn sum<const FMA: bool>(&self, value: &[f32; L]) -> (f32, [f32; J]) {
+        let high = by_path::<FMA, H, J>(self.pairs, part(value, 0), &self.spectrum);
         (halves::<R>(*part(value, H)), high)
     }
 
-    /// [`Mixture::absorbed`], scaled to the simulated energies.
+    /// f_high per sigma in `high` [1/sr] from values and densities by lane; the rest, with the density only
+    /// with `PDF`. The first block of absorptions may be known.
     #[inline(always)]
-    pub(in crate::ply) fn weigh<const FMA: bool>(&self, value: &[f32; L]) -> (f32, [f32; N]) {
-        let (refl, mut high) = self.absorbed::<FMA>(value);
-        for k in 0..N {
-            high[k] *= self.scale_high[k];
+    pub(in crate::ply) fn absorb<const FMA: bool, const PDF: bool>(
+        &self,
+        (value, density): (&[f32; L], &[f32; L]),
+        (sigma, block): (&[f32], Option<&Block<J>>),
+        high: &mut [f32],
+    ) -> Rest {
+        let (refl, by_path) = self.sum::<FMA>(value);
+        let (density_refl, density_by_path) = if PDF { self.sum::<FMA>(density) } else { (0.0, [0.0; J]) };
+        let light = [&by_path, &density_by_path];
+        let of = match block {
+            Some(block) => self.spectra.absorb_known(block, light, sigma, high),
+            None => self.spectra.absorb::<PDF>(light, sigma, high),
+        };
+        let share = 1.0 / sigma.len().max(1) as f32;
+        let total = self.r_d + (self.refl + of.energy * share);
+        let per_total = if total > 0.0 { 1.0 / total } else { 0.0 };
+        let density = if PDF { fma::<FMA>(density_refl, self.scale_refl, of.density * share) } else { 0.0 };
+        Rest { refl: refl * self.scale_refl, pdf: density * per_total, r_d: self.r_d, missed: self.r_d * per_total }
+    }
+
+    /// No light of the lobes: r_d, and the chance of missed light.
+    #[inline(always)]
+    pub(in crate::ply) fn dark(&self, drawing: &Drawing<L>) -> Rest {
+        let missed = if drawing.total > 0.0 { self.r_d / drawing.total } else { 0.0 };
+        Rest { refl: 0.0, pdf: 0.0, r_d: self.r_d, missed }
+    }
+
+    /// The weights by which a sample chooses a lobe, by the mean over the absorptions, of which the first
+    /// block is kept.
+    #[inline(always)]
+    pub(in crate::ply) fn drawing(&self, sigma: &[f32], block: &mut Block<J>) -> Drawing<L> {
+        let (left, energy) = self.spectra.left(sigma, block);
+        let share = 1.0 / sigma.len().max(1) as f32;
+        let mut mean = self.reflected();
+        for (mean, spectrum) in mean.iter_mut().zip(&self.spectrum).take(2 * self.pairs) {
+            let mut product = [0.0; J];
+            for j in 0..J {
+                product[j] = spectrum[j] * left[j];
+            }
+            *mean = share * halves(product);
         }
-        (refl * self.scale_refl, high)
+        Drawing { mean, total: self.r_d + (self.refl + energy * share) }
     }
 
-    /// f_refl and f_high per sigma [1/sr].
+    /// [`Mixture::drawing`], also by the first absorption, with what each leaves of each lobe.
     #[inline(always)]
-    pub(in crate::ply) fn eval<const FMA: bool>(&self, x: &Shapes<L>, wo: [f32; 3]) -> (f32, [f32; N]) {
-        let v = mirrored(self.flip, wo);
-        let mut value = [0.0; L];
-        for i in 0..L {
-            let [u, w, cz] = project::<FMA>(x.axes(i), v);
-            let (u, w) = (x.s1[i] * u, x.s2[i] * w);
-            value[i] = shape::<FMA>(fma::<FMA>(u, u, w * w), cz) * x.amplitude[i];
+    pub(in crate::ply) fn leave(&self, sigma: &[f32], by: DrawnBy, left: Left<'_>) -> Drawing<L> {
+        let count = if by == DrawnBy::First { sigma.len().min(1) } else { sigma.len() };
+        let (sums, energy) = self.spectra.of_lobes(&self.spectrum, (sigma, count), left);
+        let share = 1.0 / count.max(1) as f32;
+        let mut mean = self.reflected();
+        for l in 0..H {
+            mean[l] = share * sums[l];
         }
-        self.weigh::<FMA>(&value)
+        Drawing { mean, total: self.r_d + (self.refl + energy * share) }
     }
 
-    /// Mean scattered energy plus the missed light: the total from which a sample is chosen.
+    /// The factors on lobes of f_refl, by lane.
     #[inline(always)]
-    pub(in crate::ply) fn total(&self) -> f32 {
-        DrawnBy::Mean.total(&self.energies)
+    fn reflected(&self) -> [f32; L] {
+        let mut mean = [0.0; L];
+        for l in H..H + R {
+            mean[l] = self.scale_refl;
+        }
+        mean
     }
 
-    /// f_refl and f_high per sigma and the density of sampling `wo` [1/sr], including missed light. `mean` is
-    /// from [`Mixture::mean`].
+    /// f_high per sigma in `high` [1/sr]; the rest, with the density of sampling `wo`, including missed light,
+    /// only with `PDF`.
     #[inline(always)]
-    pub(in crate::ply) fn eval_pdf<const FMA: bool>(&self, x: &Shapes<L>, mean: &[f32; L], wo: [f32; 3]) -> Values<N> {
+    pub(in crate::ply) fn eval<const FMA: bool, const PDF: bool>(
+        &self,
+        x: &Shapes<L>,
+        sigma: (&[f32], Option<&Block<J>>),
+        wo: [f32; 3],
+        high: &mut [f32],
+    ) -> Rest {
         let v = mirrored(self.flip, wo);
         let (mut value, mut density) = ([0.0; L], [0.0; L]);
         for i in 0..L {
@@ -216,55 +256,15 @@ impl<const H: usize, const R: usize, const L: usize, const J: usize, const N: us
             let (su, sw) = (x.s1[i] * u, x.s2[i] * w);
             let q = fma::<FMA>(su, su, sw * sw);
             let shape = shape::<FMA>(q, cz);
-            // a(t) in the direction t of (u, w); at the axis, where t is undefined, any mean of mu1 and mu2
-            // works.
-            let a = (q + 1e-30) / (fma::<FMA>(u, u, w * w) + 1e-30);
             value[i] = shape * x.amplitude[i];
-            density[i] = shape * (mean[i] * x.norm[i]) / disc_share::<FMA>(a);
-        }
-        let (refl, high) = self.weigh::<FMA>(&value);
-        let total = self.total();
-        (refl, high, if total > 0.0 { halves(density) / total } else { 0.0 })
-    }
-
-    /// By high-order lobe and absorption: the factor on the energy of a lobe, scaled to the simulated energy.
-    #[inline(always)]
-    pub(in crate::ply) fn left<const FMA: bool>(&self) -> [[f32; N]; H] {
-        let mut left = [[0.0; N]; H];
-        for (left, spectrum) in left.iter_mut().zip(&self.spectrum).take(2 * self.pairs) {
-            *left = absorb::<FMA, J, N>(spectrum, &self.transmittance);
-            for k in 0..N {
-                left[k] *= self.scale_high[k];
+            if PDF {
+                // a(t) in the direction t of (u, w); at the axis, where t is undefined, any mean of mu1 and
+                // mu2 works.
+                let a = (q + 1e-30) / (fma::<FMA>(u, u, w * w) + 1e-30);
+                density[i] = shape * x.norm[i] / disc_share::<FMA>(a);
             }
         }
-        left
-    }
-
-    /// By lane: the factor that gives the mean of a lobe's energy over the absorptions, scaled to the
-    /// simulated energy.
-    #[inline(always)]
-    pub(in crate::ply) fn mean<const FMA: bool>(&self) -> [f32; L] {
-        let share = 1.0 / N.max(1) as f32;
-        let mut by_path = [0.0; J];
-        for j in 0..J {
-            let mut sum = 0.0;
-            for k in 0..N {
-                sum = fma::<FMA>(self.scale_high[k], self.transmittance[j][k], sum);
-            }
-            by_path[j] = share * sum;
-        }
-        let mut mean = [0.0; L];
-        for l in H..H + R {
-            mean[l] = self.scale_refl;
-        }
-        for (mean, spectrum) in mean.iter_mut().zip(&self.spectrum).take(2 * self.pairs) {
-            let mut product = [0.0; J];
-            for j in 0..J {
-                product[j] = spectrum[j] * by_path[j];
-            }
-            *mean = halves(product);
-        }
-        mean
+        self.absorb::<FMA, PDF>((&value, &density), sigma, high)
     }
 
     /// The lane where the running sum of the mean energies exceeds `left`; `None` where there is no energy.
@@ -285,35 +285,32 @@ impl<const H: usize, const R: usize, const L: usize, const J: usize, const N: us
         (sum > 0.0).then_some(passed as usize & (L - 1))
     }
 
-    /// Joins values of the lobes with the missed light.
-    #[inline(always)]
-    pub(in crate::ply) fn core(&self, refl: f32, high: [f32; N], pdf: f32) -> Core<N> {
-        let (r_d, total) = (self.energies.r_d, self.total());
-        Core { refl, high, pdf, r_d, missed: if total > 0.0 { r_d / total } else { 0.0 } }
-    }
-
-    /// A direction, f_refl, f_high and pdf there; `None` for missed light. For a mixture that is not scaled
-    /// and whose lobes have no shapes yet: the lobe and the point on its disc are sampled first, in one long
-    /// chain of scalar operations, and the processor fills its gaps with the shapes.
+    /// A direction, and f_refl, f_high and pdf there; no direction for missed light. For a mixture that is
+    /// scaled and whose lobes have no shapes yet: the lobe and the point on its disc are sampled first, in
+    /// one long chain of scalar operations, and the processor fills its gaps with the shapes.
     #[inline(always)]
     pub(in crate::ply) fn sample<const FMA: bool>(
-        &mut self,
+        &self,
         params: &Params<L>,
         bandwidth: (f32, f32),
+        sigma: &[f32],
         u: [f32; 3],
-    ) -> Option<([f32; 3], Values<N>)> {
+        high: &mut [f32],
+    ) -> (Option<[f32; 3]>, Rest) {
         let u = unit(u);
-        let total = self.total();
-        let left = u[0] * total;
-        if left >= total - self.energies.r_d {
-            return None;
+        let mut block = Block::none();
+        let drawing = self.drawing(sigma, &mut block);
+        let left = u[0] * drawing.total;
+        if left < drawing.total - self.r_d
+            && let Some((wo, x)) = self.sample_lobe::<FMA>(params, bandwidth, &drawing.mean, left, u)
+        {
+            return (Some(wo), self.eval::<FMA, true>(&x, (sigma, Some(&block)), wo, high));
         }
-        self.scale::<FMA>();
-        let mean = self.mean::<FMA>();
-        self.sample_lobe::<FMA>(params, bandwidth, &mean, left, u)
+        high.fill(0.0);
+        (None, self.dark(&drawing))
     }
 
-    /// [`Mixture::sample`] in the lane where the running sum of the energies exceeds `left`.
+    /// A direction of the lobe where the running sum of the energies exceeds `left`, and the shapes of all.
     #[inline(always)]
     pub(in crate::ply) fn sample_lobe<const FMA: bool>(
         &self,
@@ -322,12 +319,11 @@ impl<const H: usize, const R: usize, const L: usize, const J: usize, const N: us
         mean: &[f32; L],
         left: f32,
         u: [f32; 3],
-    ) -> Option<([f32; 3], Values<N>)> {
+    ) -> Option<([f32; 3], Shapes<L>)> {
         let i = self.choose::<FMA>(mean, left)?;
         let width = |k: usize| root_width::<FMA>(params[k][i], bandwidth);
         let disc = disc_point::<FMA>(width(3), width(4), u[1], u[2]);
         let x = self.shapes::<FMA>(params, bandwidth);
-        let wo = mirrored(self.flip, x.axes(i).direction(disc));
-        Some((wo, self.eval_pdf::<FMA>(&x, mean, wo)))
+        Some((mirrored(self.flip, x.axes(i).direction(disc)), x))
     }
 }

@@ -1,16 +1,73 @@
 //! Prepared lobes at one incidence, for many directions: factors that do not depend on the direction are
-//! multiplied out, above all the sums over path lengths.
+//! multiplied out.
 
-use super::energy::{Core, DrawnBy, Energies, halves};
+use super::absorption::leave;
+use super::energy::{Rest, halves};
 use super::grid_cell::mirrored;
 use super::lobe::{Axes, disc_point, disc_share, project, shape, unit};
-use super::mixture::{Mixture, Shapes};
+use super::mixture::{Drawing, Mixture, Shapes};
 use crate::math::simd::{fma, min};
 use crate::ply::asg::PARAMS;
 
-/// Lobes in L lanes, H high-order ones first, then those of f_refl, for N absorptions.
+/// The running sums of the lobes' energies, by which a sample chooses one.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct PreparedLobes<const H: usize, const L: usize, const N: usize> {
+pub(in crate::ply) struct Choice<const L: usize> {
+    /// Running sum of the mean energies; infinite in empty lanes.
+    sums: [f32; L],
+    sum: f32,
+    /// Scattered energy plus the missed light, and its reciprocal.
+    total: f32,
+    pub(in crate::ply) per_total: f32,
+    r_d: f32,
+    /// Chance of missed light.
+    missed: f32,
+}
+
+impl<const L: usize> Choice<L> {
+    /// Of the first `count` lanes, whose energies times `mean` are the mean over the absorptions.
+    #[inline(always)]
+    pub(in crate::ply) fn new<const FMA: bool>(
+        energy: &[f32; L],
+        mean: &[f32; L],
+        count: usize,
+        total: f32,
+        r_d: f32,
+    ) -> Self {
+        let (mut sums, mut sum) = ([f32::INFINITY; L], 0.0);
+        for i in 0..count {
+            sum = fma::<FMA>(energy[i], mean[i], sum);
+            sums[i] = sum;
+        }
+        let per_total = if total > 0.0 { 1.0 / total } else { 0.0 };
+        Choice { sums, sum, total, per_total, r_d, missed: r_d * per_total }
+    }
+
+    /// Joins f_refl and a density with the missed light.
+    #[inline(always)]
+    pub(in crate::ply) fn rest(&self, refl: f32, pdf: f32) -> Rest {
+        Rest { refl, pdf, r_d: self.r_d, missed: self.missed }
+    }
+
+    /// The lane that the number `u` chooses; none for missed light.
+    #[inline(always)]
+    pub(in crate::ply) fn lane(&self, u: f32) -> Option<usize> {
+        let left = u * self.total;
+        if left >= self.total - self.r_d || self.sum <= 0.0 {
+            return None;
+        }
+        // As in `Mixture::choose`.
+        let left = min(left, self.sum * (1.0 - f32::EPSILON));
+        let mut passed = 0u32;
+        for x in self.sums {
+            passed += u32::from(x <= left);
+        }
+        Some(passed as usize & (L - 1))
+    }
+}
+
+/// Lobes in L lanes, H high-order ones first, then those of f_refl.
+#[derive(Clone, Copy, Debug)]
+pub(in crate::ply) struct PreparedLobes<const H: usize, const L: usize> {
     /// Sines and cosines of the angles.
     axes: [[f32; L]; PARAMS],
     s1: [f32; L],
@@ -19,99 +76,47 @@ pub(crate) struct PreparedLobes<const H: usize, const L: usize, const N: usize> 
     amplitude: [f32; L],
     /// Mean energy times sqrt(mu1 mu2)/pi, over the total energy.
     density: [f32; L],
-    /// Running sum of the mean energies, and the total; infinite in empty lanes.
-    sums: [f32; L],
-    sum: f32,
-    /// By high-order lobe: the fraction that absorption leaves, scaled to the simulated energy.
-    weight: [[f32; N]; H],
+    choice: Choice<L>,
     flip: bool,
-    total: f32,
-    pub(in crate::ply) energies: Energies<N>,
 }
 
-impl<const H: usize, const L: usize, const N: usize> PreparedLobes<H, L, N> {
+impl<const H: usize, const L: usize> PreparedLobes<H, L> {
     #[inline(always)]
     pub(in crate::ply) fn new<const FMA: bool, const R: usize, const J: usize>(
-        m: &Mixture<H, R, L, J, N>,
+        m: &Mixture<'_, H, R, L, J>,
         x: &Shapes<L>,
-        drawn_by: DrawnBy,
+        drawing: &Drawing<L>,
     ) -> Self {
-        let weight = m.left::<FMA>();
-        let total = drawn_by.total(&m.energies);
-        let per_total = if total > 0.0 { 1.0 / total } else { 0.0 };
+        let mean = drawing.mean;
+        let choice = Choice::new::<FMA>(&m.energy, &mean, H + R, drawing.total, m.r_d);
         let mut prepared = PreparedLobes {
             axes: x.axes,
             s1: x.s1,
             s2: x.s2,
             amplitude: x.amplitude,
             density: [0.0; L],
-            sums: [f32::INFINITY; L],
-            sum: 0.0,
-            weight,
+            choice,
             flip: m.flip,
-            total,
-            energies: m.energies,
         };
-        let (mut mean, share) = ([m.scale_refl; L], 1.0 / N.max(1) as f32);
-        for l in 0..H {
-            let mut sum = 0.0;
-            for k in 0..N {
-                sum += weight[l][k];
-            }
-            mean[l] = share * sum;
-        }
-        if drawn_by == DrawnBy::First {
-            for l in 0..H {
-                mean[l] = weight[l].first().copied().unwrap_or(0.0);
-            }
-        }
         for i in H..L {
             prepared.amplitude[i] *= m.scale_refl;
         }
+        let per_total = choice.per_total;
         for i in 0..L {
             prepared.density[i] = mean[i] * x.norm[i] * per_total;
-        }
-        for i in 0..H + R {
-            prepared.sum = fma::<FMA>(m.energy[i], mean[i], prepared.sum);
-            prepared.sums[i] = prepared.sum;
         }
         prepared
     }
 
-    /// f_refl and f_high from the values of the lobes.
+    /// Values in a direction, those of f_high per absorption in `high`; without `PDF` the density is 0. `left`
+    /// is what absorptions leave of lobes, `[lobe][absorption]`.
     #[inline(always)]
-    fn core<const FMA: bool>(&self, value: &[f32; L], pdf: f32) -> Core<N> {
-        let (mut even, mut odd, mut refl) = ([0.0; N], [0.0; N], 0.0);
-        for l in 0..H / 2 {
-            for k in 0..N {
-                even[k] = fma::<FMA>(value[2 * l], self.weight[2 * l][k], even[k]);
-                odd[k] = fma::<FMA>(value[2 * l + 1], self.weight[2 * l + 1][k], odd[k]);
-            }
-        }
-        for k in 0..N {
-            even[k] += odd[k];
-        }
-        for i in H..L {
-            refl += value[i];
-        }
-        let r_d = self.energies.r_d;
-        Core { refl, high: even, pdf, r_d, missed: if self.total > 0.0 { r_d / self.total } else { 0.0 } }
-    }
-
-    #[inline(always)]
-    pub(in crate::ply) fn eval<const FMA: bool>(&self, wo: [f32; 3]) -> Core<N> {
-        let v = mirrored(self.flip, wo);
-        let mut value = [0.0; L];
-        for i in 0..L {
-            let [u, w, cz] = project::<FMA>(self.axes(i), v);
-            let (u, w) = (self.s1[i] * u, self.s2[i] * w);
-            value[i] = shape::<FMA>(fma::<FMA>(u, u, w * w), cz) * self.amplitude[i];
-        }
-        self.core::<FMA>(&value, 0.0)
-    }
-
-    #[inline(always)]
-    pub(in crate::ply) fn eval_pdf<const FMA: bool>(&self, wo: [f32; 3]) -> Core<N> {
+    pub(in crate::ply) fn eval<const FMA: bool, const PDF: bool>(
+        &self,
+        left: &[f32],
+        wo: [f32; 3],
+        high: &mut [f32],
+    ) -> Rest {
         let v = mirrored(self.flip, wo);
         let (mut value, mut density) = ([0.0; L], [0.0; L]);
         for i in 0..L {
@@ -119,31 +124,36 @@ impl<const H: usize, const L: usize, const N: usize> PreparedLobes<H, L, N> {
             let (su, sw) = (self.s1[i] * u, self.s2[i] * w);
             let q = fma::<FMA>(su, su, sw * sw);
             let shape = shape::<FMA>(q, cz);
-            // As in `Mixture::eval_pdf`.
-            let a = (q + 1e-30) / (fma::<FMA>(u, u, w * w) + 1e-30);
             value[i] = shape * self.amplitude[i];
-            density[i] = shape * self.density[i] / disc_share::<FMA>(a);
+            if PDF {
+                // As in `Mixture::eval`.
+                let a = (q + 1e-30) / (fma::<FMA>(u, u, w * w) + 1e-30);
+                density[i] = shape * self.density[i] / disc_share::<FMA>(a);
+            }
         }
-        self.core::<FMA>(&value, halves(density))
+        leave::<FMA, H>(value.first_chunk().unwrap_or(&[0.0; H]), left, high);
+        let mut refl = 0.0;
+        for i in H..L {
+            refl += value[i];
+        }
+        self.choice.rest(refl, if PDF { halves(density) } else { 0.0 })
     }
 
     #[inline(always)]
-    pub(in crate::ply) fn sample<const FMA: bool>(&self, u: [f32; 3]) -> (Option<[f32; 3]>, Core<N>) {
+    pub(in crate::ply) fn sample<const FMA: bool>(
+        &self,
+        left: &[f32],
+        u: [f32; 3],
+        high: &mut [f32],
+    ) -> (Option<[f32; 3]>, Rest) {
         let u = unit(u);
-        let left = u[0] * self.total;
-        if left >= self.total - self.energies.r_d || self.sum <= 0.0 {
-            return (None, self.core::<FMA>(&[0.0; L], 0.0));
-        }
-        // As in `Mixture::choose`.
-        let left = min(left, self.sum * (1.0 - f32::EPSILON));
-        let mut passed = 0u32;
-        for x in self.sums {
-            passed += u32::from(x <= left);
-        }
-        let i = passed as usize & (L - 1);
-        let [u, w, cz] = disc_point::<FMA>(self.s1[i], self.s2[i], u[1], u[2]);
-        let wo = mirrored(self.flip, self.axes(i).direction([u, w, cz]));
-        (Some(wo), self.eval_pdf::<FMA>(wo))
+        let Some(i) = self.choice.lane(u[0]) else {
+            high.fill(0.0);
+            return (None, self.choice.rest(0.0, 0.0));
+        };
+        let disc = disc_point::<FMA>(self.s1[i], self.s2[i], u[1], u[2]);
+        let wo = mirrored(self.flip, self.axes(i).direction(disc));
+        (Some(wo), self.eval::<FMA, true>(left, wo, high))
     }
 
     #[inline(always)]

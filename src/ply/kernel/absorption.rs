@@ -1,0 +1,455 @@
+//! Absorption: what any number of absorptions leave of light by path length, in blocks of four, and the factors
+//! that scale the lobes of f_high to the simulated energy (see the head of `mixture.rs`).
+//!
+//! With T_jk the transmittance of path length j at absorption k, S the spectrum of the simulated energy and A
+//! that of all lobes together, the lobes are scaled by `sum_j T_jk S_j / sum_j T_jk A_j`.
+
+use super::energy::halves;
+use crate::math::simd::{exp2, fma, max, min};
+use crate::ply::data::MIN_TRANSMITTANCE;
+use multiversion::{multiversion, target::target_cfg_f};
+
+/// Clamps an absorption to 0 to 1e6 per um; NaN counts as 0.
+#[inline(always)]
+pub(crate) fn clamped_sigma(sigma: f32) -> f32 {
+    min(max(sigma, 0.0), 1e6)
+}
+
+/// Absorptions side by side.
+const BLOCK: usize = 4;
+
+/// Transmittances by path length of a block of absorptions.
+pub(in crate::ply) type Transmittances<const J: usize> = [[f32; BLOCK]; J];
+
+/// Transmittances of the path lengths for the first block of absorptions, from which a kernel starts: the
+/// exponentials wait for nothing.
+#[multiversion(targets("x86_64+avx2+bmi1+bmi2+fma"))]
+pub(in crate::ply) fn first_transmittances<const J: usize>(path: &[f32; J], sigma: &[f32]) -> Transmittances<J> {
+    const FMA: bool = target_cfg_f!(target_feature = "fma") || cfg!(target_arch = "aarch64");
+    transmittances::<FMA, J>(path, &some(sigma))
+}
+
+#[inline(always)]
+fn transmittances<const FMA: bool, const J: usize>(path: &[f32; J], sigma: &[f32; BLOCK]) -> Transmittances<J> {
+    let mut t = [[0.0; BLOCK]; J];
+    for j in 0..J {
+        for k in 0..BLOCK {
+            t[j][k] = sigma[k] * path[j];
+        }
+    }
+    for t in t.as_flattened_mut() {
+        *t = exp2::<FMA>(*t) + MIN_TRANSMITTANCE as f32;
+    }
+    t
+}
+
+/// The first block of absorptions, clamped; 0 for absent ones.
+#[inline(always)]
+fn some(sigma: &[f32]) -> [f32; BLOCK] {
+    let mut some = match *sigma {
+        [a, b, c, d, ..] => [a, b, c, d],
+        [a, b, c] => [a, b, c, 0.0],
+        [a, b] => [a, b, 0.0, 0.0],
+        [a] => [a, 0.0, 0.0, 0.0],
+        [] => [0.0; BLOCK],
+    };
+    for sigma in &mut some {
+        *sigma = clamped_sigma(*sigma);
+    }
+    some
+}
+
+/// Writes the first of a block of numbers. By patterns: the compiler makes a call of a copy of unknown length.
+#[inline(always)]
+fn put(to: &mut [f32], [i, j, k, l]: &[f32; BLOCK]) {
+    match to {
+        [a, b, c, d, ..] => (*a, *b, *c, *d) = (*i, *j, *k, *l),
+        [a, b, c] => (*a, *b, *c) = (*i, *j, *k),
+        [a, b] => (*a, *b) = (*i, *j),
+        [a] => *a = *i,
+        [] => (),
+    }
+}
+
+/// The sum of the first of a block of numbers.
+#[inline(always)]
+fn sum(count: usize, numbers: &[f32; BLOCK]) -> f32 {
+    let mut sum = 0.0;
+    for k in 0..BLOCK {
+        sum += if k < count { numbers[k] } else { 0.0 };
+    }
+    sum
+}
+
+/// Sums over path lengths of a spectrum times its transmittances.
+#[inline(always)]
+fn absorb<const FMA: bool, const J: usize>(spectrum: &[f32; J], t: &[[f32; BLOCK]; J]) -> [f32; BLOCK] {
+    // Two sums halve the chain of dependent additions.
+    let (mut even, mut odd) = ([0.0; BLOCK], [0.0; BLOCK]);
+    for j in 0..J / 2 {
+        for k in 0..BLOCK {
+            even[k] = fma::<FMA>(spectrum[2 * j], t[2 * j][k], even[k]);
+            odd[k] = fma::<FMA>(spectrum[2 * j + 1], t[2 * j + 1][k], odd[k]);
+        }
+    }
+    for k in 0..BLOCK {
+        even[k] += odd[k];
+    }
+    even
+}
+
+/// Sum over H lobes of what absorptions leave of them, `[lobe][absorption]`, per absorption in `high`.
+#[inline(always)]
+pub(in crate::ply) fn leave<const FMA: bool, const H: usize>(value: &[f32; H], left: &[f32], high: &mut [f32]) {
+    // Numbers of absorptions that hosts have, in lanes.
+    match high.len() {
+        1 => leave_some::<FMA, H, 1>(value, left, high),
+        3 => leave_some::<FMA, H, 3>(value, left, high),
+        4 => leave_some::<FMA, H, 4>(value, left, high),
+        8 => leave_some::<FMA, H, 8>(value, left, high),
+        count => {
+            for (k, high) in high.iter_mut().enumerate() {
+                let mut sum = 0.0;
+                for (l, value) in value.iter().enumerate() {
+                    if let Some(left) = left.get(l * count + k) {
+                        sum = fma::<FMA>(*value, *left, sum);
+                    }
+                }
+                *high = sum;
+            }
+        }
+    }
+}
+
+#[inline(always)]
+fn leave_some<const FMA: bool, const H: usize, const C: usize>(value: &[f32; H], left: &[f32], high: &mut [f32]) {
+    let (Some(left), Some(high)) = (left.as_chunks::<C>().0.first_chunk::<H>(), high.first_chunk_mut::<C>()) else {
+        return;
+    };
+    let (mut even, mut odd) = ([0.0; C], [0.0; C]);
+    for l in 0..H / 2 {
+        for k in 0..C {
+            even[k] = fma::<FMA>(value[2 * l], left[2 * l][k], even[k]);
+            odd[k] = fma::<FMA>(value[2 * l + 1], left[2 * l + 1][k], odd[k]);
+        }
+    }
+    for k in 0..C {
+        high[k] = even[k] + odd[k];
+    }
+}
+
+/// What scales the lobes of f_high to the simulated energy at any absorption.
+#[derive(Clone, Copy)]
+pub(in crate::ply) struct Spectra<'a, const J: usize> {
+    /// -log2 e times the path lengths [um].
+    pub(in crate::ply) path: &'a [f32; J],
+    /// Spectrum of the simulated energy.
+    pub(in crate::ply) simulated: [f32; J],
+    /// Spectrum of the energy of all lobes together.
+    pub(in crate::ply) all: [f32; J],
+    /// Transmittances of the first block of absorptions.
+    pub(in crate::ply) first: Transmittances<J>,
+}
+
+/// Sums over absorptions.
+#[derive(Clone, Copy)]
+pub(in crate::ply) struct OverSigma {
+    /// Energy of f_high.
+    pub(in crate::ply) energy: f32,
+    /// Density of f_high.
+    pub(in crate::ply) density: f32,
+}
+
+/// A block of absorptions: what each leaves by path length, scaled to the simulated energy, and of the energy
+/// of f_high.
+#[derive(Clone, Copy)]
+pub(in crate::ply) struct Block<const J: usize> {
+    left: [[f32; BLOCK]; J],
+    energy: [f32; BLOCK],
+}
+
+impl<const J: usize> Block<J> {
+    #[inline(always)]
+    pub(in crate::ply) fn none() -> Self {
+        Block { left: [[0.0; BLOCK]; J], energy: [0.0; BLOCK] }
+    }
+}
+
+impl<const J: usize> Spectra<'_, J> {
+    /// Energies of f_high of a block of absorptions, and the factors on the lobes that give them.
+    #[inline(always)]
+    fn scales<const FMA: bool>(&self, t: &Transmittances<J>) -> ([f32; BLOCK], [f32; BLOCK]) {
+        let energy = absorb::<FMA, J>(&self.simulated, t);
+        let all = absorb::<FMA, J>(&self.all, t);
+        let mut scale = [0.0; BLOCK];
+        for k in 0..BLOCK {
+            scale[k] = energy[k] / all[k];
+        }
+        (energy, scale)
+    }
+
+    /// Light of f_high per sigma in `high`, from its sums over the lobes by path length; sums of energy and,
+    /// with `PDF`, density.
+    #[inline(always)]
+    pub(in crate::ply) fn absorb<const PDF: bool>(
+        &self,
+        light: [&[f32; J]; 2],
+        sigma: &[f32],
+        high: &mut [f32],
+    ) -> OverSigma {
+        let mut over = absorb_block::<PDF, J>((self, &self.first), light, sigma, high);
+        let mut first = BLOCK;
+        while first < sigma.len() {
+            let sigma = after(sigma, first);
+            let t = first_transmittances(self.path, sigma);
+            let more = absorb_block::<PDF, J>((self, &t), light, sigma, after_mut(high, first));
+            (over.energy, over.density) = (over.energy + more.energy, over.density + more.density);
+            first += BLOCK;
+        }
+        over
+    }
+
+    /// [`Spectra::absorb`] with the density, where the first block is known from [`Spectra::left`].
+    #[inline(always)]
+    pub(in crate::ply) fn absorb_known(
+        &self,
+        block: &Block<J>,
+        light: [&[f32; J]; 2],
+        sigma: &[f32],
+        high: &mut [f32],
+    ) -> OverSigma {
+        let mut over = absorb_known::<J>(block, light, sigma.len(), high);
+        let mut first = BLOCK;
+        while first < sigma.len() {
+            let sigma = after(sigma, first);
+            let t = first_transmittances(self.path, sigma);
+            let more = absorb_block::<true, J>((self, &t), light, sigma, after_mut(high, first));
+            (over.energy, over.density) = (over.energy + more.energy, over.density + more.density);
+            first += BLOCK;
+        }
+        over
+    }
+
+    /// Sum over absorptions of what they leave by path length, scaled to the simulated energy, and of the
+    /// energy of f_high; and the first block of them.
+    #[inline(always)]
+    pub(in crate::ply) fn left(&self, sigma: &[f32], block: &mut Block<J>) -> ([f32; J], f32) {
+        let mut left = [0.0; J];
+        let mut energy = left_block::<J>((self, &self.first), sigma, block, &mut left);
+        let mut first = BLOCK;
+        while first < sigma.len() {
+            let mut block = Block::none();
+            let sigma = after(sigma, first);
+            let t = first_transmittances(self.path, sigma);
+            energy += left_block::<J>((self, &t), sigma, &mut block, &mut left);
+            first += BLOCK;
+        }
+        (left, energy)
+    }
+
+    /// What each absorption leaves of the lobes with these spectra, `[lobe][absorption]`, scaled to the
+    /// simulated energy, and of the energy of f_high. Returns sums over the first `count` absorptions by lobe,
+    /// and of the energy.
+    #[inline(always)]
+    pub(in crate::ply) fn of_lobes<const H: usize>(
+        &self,
+        spectra: &[[f32; J]; H],
+        (sigma, count): (&[f32], usize),
+        left: Left<'_>,
+    ) -> ([f32; H], f32) {
+        let mut sums = [0.0; H];
+        if let (&[_], [energy]) = (sigma, &mut *left.energy) {
+            *energy = lobes_of_one::<H, J>(self, spectra, &mut sums);
+            for (to, sum) in left.left.iter_mut().zip(&sums) {
+                *to = *sum;
+            }
+            return (sums, *energy);
+        }
+        let (mut first, mut energy) = (0, 0.0);
+        while first < sigma.len() {
+            let rows = (sigma.len(), first, count.saturating_sub(first));
+            let to = Left { energy: after_mut(left.energy, first), left: &mut *left.left };
+            let of = after(sigma, first);
+            let more = if first == 0 { self.first } else { first_transmittances(self.path, of) };
+            energy += lobes_block::<H, J>((self, &more), spectra, (of.len(), rows), to, &mut sums);
+            first += BLOCK;
+        }
+        (sums, energy)
+    }
+}
+
+/// The numbers from `first` on.
+#[inline(always)]
+fn after(x: &[f32], first: usize) -> &[f32] {
+    x.get(first..).unwrap_or(&[])
+}
+
+#[inline(always)]
+fn after_mut(x: &mut [f32], first: usize) -> &mut [f32] {
+    x.get_mut(first..).unwrap_or(&mut [])
+}
+
+/// What each absorption leaves of each lobe, `[lobe][absorption]`, scaled to the simulated energy, and of the
+/// energy of f_high.
+pub(in crate::ply) struct Left<'a> {
+    pub(in crate::ply) energy: &'a mut [f32],
+    pub(in crate::ply) left: &'a mut [f32],
+}
+
+// Functions of their own, called and not inlined: beside the lobes the compiler would vectorize neither.
+
+#[multiversion(targets("x86_64+avx2+bmi1+bmi2+fma"))]
+fn absorb_block<'a, const PDF: bool, const J: usize>(
+    (of, t): (&Spectra<'a, J>, &Transmittances<J>),
+    light: [&[f32; J]; 2],
+    sigma: &[f32],
+    high: &mut [f32],
+) -> OverSigma {
+    const FMA: bool = target_cfg_f!(target_feature = "fma") || cfg!(target_arch = "aarch64");
+    let (energy, scale) = of.scales::<FMA>(t);
+    let mut value = absorb::<FMA, J>(light[0], t);
+    for k in 0..BLOCK {
+        value[k] *= scale[k];
+    }
+    put(high, &value);
+    let mut density = [0.0; BLOCK];
+    if PDF {
+        density = absorb::<FMA, J>(light[1], t);
+        for k in 0..BLOCK {
+            density[k] *= scale[k];
+        }
+    }
+    OverSigma { energy: sum(sigma.len(), &energy), density: sum(sigma.len(), &density) }
+}
+
+#[multiversion(targets("x86_64+avx2+bmi1+bmi2+fma"))]
+fn absorb_known<const J: usize>(block: &Block<J>, light: [&[f32; J]; 2], count: usize, high: &mut [f32]) -> OverSigma {
+    const FMA: bool = target_cfg_f!(target_feature = "fma") || cfg!(target_arch = "aarch64");
+    put(high, &absorb::<FMA, J>(light[0], &block.left));
+    OverSigma { energy: sum(count, &block.energy), density: sum(count, &absorb::<FMA, J>(light[1], &block.left)) }
+}
+
+#[multiversion(targets("x86_64+avx2+bmi1+bmi2+fma"))]
+fn left_block<'a, const J: usize>(
+    (of, t): (&Spectra<'a, J>, &Transmittances<J>),
+    sigma: &[f32],
+    block: &mut Block<J>,
+    left: &mut [f32; J],
+) -> f32 {
+    const FMA: bool = target_cfg_f!(target_feature = "fma") || cfg!(target_arch = "aarch64");
+    let mut t = *t;
+    let (energy, mut scale) = of.scales::<FMA>(&t);
+    for k in 0..BLOCK {
+        scale[k] = if k < sigma.len() { scale[k] } else { 0.0 };
+    }
+    for j in 0..J {
+        for k in 0..BLOCK {
+            t[j][k] *= scale[k];
+        }
+    }
+    for j in 0..J {
+        let t = t[j];
+        left[j] += (t[0] + t[1]) + (t[2] + t[3]);
+    }
+    (block.left, block.energy) = (t, energy);
+    sum(sigma.len(), &energy)
+}
+
+/// What one absorption leaves of each lobe; returns the energy of f_high.
+#[multiversion(targets("x86_64+avx2+bmi1+bmi2+fma"))]
+fn lobes_of_one<'a, const H: usize, const J: usize>(
+    of: &Spectra<'a, J>,
+    spectra: &[[f32; J]; H],
+    left: &mut [f32; H],
+) -> f32 {
+    const FMA: bool = target_cfg_f!(target_feature = "fma") || cfg!(target_arch = "aarch64");
+    let t = &of.first;
+    let (energy, scale) = of.scales::<FMA>(t);
+    let mut by_path = [0.0; J];
+    for j in 0..J {
+        by_path[j] = scale[0] * t[j][0];
+    }
+    for (left, spectrum) in left.iter_mut().zip(spectra) {
+        let mut product = [0.0; J];
+        for j in 0..J {
+            product[j] = by_path[j] * spectrum[j];
+        }
+        *left = halves(product);
+    }
+    energy[0]
+}
+
+/// A block of absorptions: their number from its first on; of all, the first of the block, and how many of them
+/// count in the sums.
+#[multiversion(targets("x86_64+avx2+bmi1+bmi2+fma"))]
+fn lobes_block<'a, const H: usize, const J: usize>(
+    (of, t): (&Spectra<'a, J>, &Transmittances<J>),
+    spectra: &[[f32; J]; H],
+    (block, (all, first, count)): (usize, (usize, usize, usize)),
+    to: Left<'a>,
+    sums: &mut [f32; H],
+) -> f32 {
+    const FMA: bool = target_cfg_f!(target_feature = "fma") || cfg!(target_arch = "aarch64");
+    let mut t = *t;
+    let (energy, scale) = of.scales::<FMA>(&t);
+    put(to.energy, &energy);
+    for j in 0..J {
+        for k in 0..BLOCK {
+            t[j][k] *= scale[k];
+        }
+    }
+    let count = count.min(block);
+    for (l, spectrum) in spectra.iter().enumerate() {
+        let value = absorb::<FMA, J>(spectrum, &t);
+        sums[l] += sum(count, &value);
+        put(after_mut(to.left.get_mut(l * all..(l + 1) * all).unwrap_or(&mut []), first), &value);
+    }
+    sum(count, &energy)
+}
+
+/// Energies per sigma from a spectrum.
+#[inline(always)]
+pub(super) fn energies_by_sigma<const FMA: bool, const J: usize>(
+    spectrum: &[f32; J],
+    path: &[f32; J],
+    sigma: &[f32],
+    energies: &mut [f32],
+) {
+    if !sigma.is_empty() {
+        put(energies, &absorb::<FMA, J>(spectrum, &transmittances::<FMA, J>(path, &some(sigma))));
+        if sigma.len() > BLOCK {
+            more_energies(spectrum, path, sigma, energies);
+        }
+    }
+}
+
+/// Energies beyond the first block of absorptions.
+#[multiversion(targets("x86_64+avx2+bmi1+bmi2+fma"))]
+fn more_energies<const J: usize>(spectrum: &[f32; J], path: &[f32; J], sigma: &[f32], energies: &mut [f32]) {
+    const FMA: bool = target_cfg_f!(target_feature = "fma") || cfg!(target_arch = "aarch64");
+    for (sigma, energies) in sigma.chunks(BLOCK).zip(energies.chunks_mut(BLOCK)).skip(1) {
+        put(energies, &absorb::<FMA, J>(spectrum, &transmittances::<FMA, J>(path, &some(sigma))));
+    }
+}
+
+/// Sum over the high-order lobes, by path length.
+#[inline(always)]
+pub(in crate::ply) fn by_path<const FMA: bool, const H: usize, const J: usize>(
+    pairs: usize,
+    value: &[f32; H],
+    spectrum: &[[f32; J]; H],
+) -> [f32; J] {
+    // The loop runs over pairs of lobes, a number unknown to the compiler: it then keeps the path lengths in
+    // vectors.
+    let (mut even, mut odd) = ([0.0; J], [0.0; J]);
+    for (value, spectrum) in value.as_chunks::<2>().0.iter().zip(spectrum.as_chunks::<2>().0).take(pairs) {
+        for j in 0..J {
+            even[j] = fma::<FMA>(value[0], spectrum[0][j], even[j]);
+            odd[j] = fma::<FMA>(value[1], spectrum[1][j], odd[j]);
+        }
+    }
+    for j in 0..J {
+        even[j] += odd[j];
+    }
+    even
+}
