@@ -165,8 +165,8 @@ impl Edge<'_> {
         }
     }
 
-    /// [`Edge::eval`] by the components of the direction; where all lobes are `CLOSE` to their axis, value and
-    /// density are the same and need no normalization.
+    /// [`Edge::eval`] by the components of the direction; where all lobes are `CLOSE` to their axis, value
+    /// and density are the same and need no normalization.
     #[inline(always)]
     fn values<const FMA: bool, const PDF: bool, const CLOSE: bool>(
         &self,

@@ -23,7 +23,7 @@ pub(super) struct SlitValues<'a> {
 }
 
 /// The kind of a sample among lobes, of which the slit took `taken`, and missed light, by a uniform number;
-/// `Ok` is what is left of it for the lobes.
+/// `Ok` has the part of the energy at which the lobes stand.
 #[inline(always)]
 pub(super) fn kind(u: f32, total: f32, missed: f32, taken: f32) -> Result<f32, SlitSample> {
     let left = u * total;
@@ -64,8 +64,8 @@ impl<const H: usize, const R: usize, const L: usize, const J: usize> Mixture<'_,
         self.absorb::<FMA, true>((&high, &high), (sigma, None), energy).pdf
     }
 
-    /// Values and density less the slit's share, and the share's chance; `by` is from [`Mixture::take`]. For a
-    /// mixture without shapes, not scaled.
+    /// Values and density less the slit's share, and the share's chance; `by` is from [`Mixture::take`]. For
+    /// a mixture without shapes, not scaled.
     #[inline(always)]
     pub(super) fn slit_eval_pdf<const FMA: bool>(
         &mut self,

@@ -64,7 +64,8 @@ fn the_mean_over_the_cell_conserves_energy() {
                 assert!((all[0] - 1.0).abs() < off, "{name}, cosine {}: clear fibers send out {}", side * z, all[0]);
                 for k in 0..3 {
                     assert!((all[k] - told[k]).abs() < off, "{name}, cosine {}: {all:?}, told {told:?}", side * z);
-                    // Points under hairs send out 1.04 along flannel at a cosine of 0.12: no measure of the mean.
+                    // Points under hairs send out 1.04 along flannel at a cosine of 0.12: no measure of the
+                    // mean.
                     if name == "flannel" && z < 0.2 {
                         continue;
                     }

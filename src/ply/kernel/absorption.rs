@@ -1,5 +1,5 @@
-//! Absorption: what any number of absorptions leave of light by path length, in blocks of four, and the factors
-//! that scale the lobes of f_high to the simulated energy (see the head of `mixture.rs`).
+//! Absorption: what any number of absorptions leave of light by path length, in blocks of four, and the
+//! factors that scale the lobes of f_high to the simulated energy (see the head of `mixture.rs`).
 //!
 //! With T_jk the transmittance of path length j at absorption k, S the spectrum of the simulated energy and A
 //! that of all lobes together, the lobes are scaled by `sum_j T_jk S_j / sum_j T_jk A_j`.
@@ -59,7 +59,8 @@ fn some(sigma: &[f32]) -> [f32; BLOCK] {
     some
 }
 
-/// Writes the first of a block of numbers. By patterns: the compiler makes a call of a copy of unknown length.
+/// Writes the first of a block of numbers. By patterns: the compiler makes a call of a copy of unknown
+/// length.
 #[inline(always)]
 fn put(to: &mut [f32], [i, j, k, l]: &[f32; BLOCK]) {
     match to {
@@ -248,8 +249,8 @@ impl<const J: usize> Spectra<'_, J> {
     }
 
     /// What each absorption leaves of the lobes with these spectra, `[lobe][absorption]`, scaled to the
-    /// simulated energy, and of the energy of f_high. Returns sums over the first `count` absorptions by lobe,
-    /// and of the energy.
+    /// simulated energy, and of the energy of f_high. Returns sums over the first `count` absorptions by
+    /// lobe, and of the energy.
     #[inline(always)]
     pub(in crate::ply) fn of_lobes<const H: usize>(
         &self,
@@ -379,8 +380,8 @@ fn lobes_of_one<'a, const H: usize, const J: usize>(
     energy[0]
 }
 
-/// A block of absorptions: their number from its first on; of all, the first of the block, and how many of them
-/// count in the sums.
+/// A block of absorptions: their number from its first on; of all, the first of the block, and how many of
+/// them count in the sums.
 #[multiversion(targets("x86_64+avx2+bmi1+bmi2+fma"))]
 fn lobes_block<'a, const H: usize, const J: usize>(
     (of, t): (&Spectra<'a, J>, &Transmittances<J>),

@@ -1,6 +1,6 @@
-//! The kernels, compiled once for any processor and once for AVX2, whichever has it at the first call; each of
-//! these functions is one inlined copy of the arithmetic. Models that exceed the fast tables use one portable
-//! copy. Absorptions and their results are slices, so that one copy serves any number of them.
+//! The kernels, compiled once for any processor and once for AVX2, whichever has it at the first call; each
+//! of these functions is one inlined copy of the arithmetic. Models that exceed the fast tables use one
+//! portable copy. Absorptions and their results are slices, so that one copy serves any number of them.
 
 use super::absorption::Left;
 use super::batch;

@@ -63,8 +63,8 @@ pub(in crate::ply) struct Mixture<'a, const H: usize, const R: usize, const L: u
 
 /// The weights by which a sample chooses a lobe.
 pub(in crate::ply) struct Drawing<const L: usize> {
-    /// By lane: the factor that gives the mean of a lobe's energy over the absorptions, scaled to the simulated
-    /// energy.
+    /// By lane: the factor that gives the mean of a lobe's energy over the absorptions, scaled to the
+    /// simulated energy.
     pub(in crate::ply) mean: [f32; L],
     /// The scattered energy, mean over the absorptions, plus the missed light.
     pub(in crate::ply) total: f32,
@@ -239,8 +239,8 @@ impl<const H: usize, const R: usize, const L: usize, const J: usize> Mixture<'_,
         mean
     }
 
-    /// f_high per sigma in `high` [1/sr]; the rest, with the density of sampling `wo`, including missed light,
-    /// only with `PDF`.
+    /// f_high per sigma in `high` [1/sr]; the rest, with the density of sampling `wo`, including missed
+    /// light, only with `PDF`.
     #[inline(always)]
     pub(in crate::ply) fn eval<const FMA: bool, const PDF: bool>(
         &self,

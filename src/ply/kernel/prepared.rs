@@ -108,8 +108,8 @@ impl<const H: usize, const L: usize> PreparedLobes<H, L> {
         prepared
     }
 
-    /// Values in a direction, those of f_high per absorption in `high`; without `PDF` the density is 0. `left`
-    /// is what absorptions leave of lobes, `[lobe][absorption]`.
+    /// Values in a direction, those of f_high per absorption in `high`; without `PDF` the density is 0.
+    /// `left` is what absorptions leave of lobes, `[lobe][absorption]`.
     #[inline(always)]
     pub(in crate::ply) fn eval<const FMA: bool, const PDF: bool>(
         &self,
