@@ -143,8 +143,8 @@ class Far:
             dot = lambda row: [sum(x * w for x, w in zip(row, of)) for of in weights]
             energy = dot(sums)
             classes += [self.spectrum(dot(row)) for row in first] + hairless
-            mean, clear, dark = detach(sum(energy) * (1.0 / kit.count)), sums[0], sums[-1]
-            share = (clear - mean) / dr.maximum(clear - dark, 1e-9) * dark / dr.maximum(mean, 1e-30)
+            mean, bright, dark = detach(sum(energy) * (1.0 / kit.count)), sums[0], sums[-1]
+            share = (bright - mean) / dr.maximum(bright - dark, 1e-9) * dark / dr.maximum(mean, 1e-30)
             at["dark"].append(dr.select(mean > 0.0, clamp(share, 0.0, 1.0), 0.0))
             at["energy"].append(self.spectrum(energy))
         sigma = [m[1] for m in mixed]
