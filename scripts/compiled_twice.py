@@ -12,24 +12,25 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parent.parent
 
 
-def libraries(*command: str) -> dict[tuple[str, str], set[str]]:
-    """Files of the libraries from registries that a cargo command uses, by package and target."""
+def libraries(*command: str) -> dict[tuple[str, ...], set[str]]:
+    """Files of the libraries from registries that a cargo command uses, by package, target and optimization, which differs for what macros use."""
     run = subprocess.run(
         ["cargo", *command, "--locked", "--release", "--message-format", "json"],
         cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True, check=True,
     )
-    found: dict[tuple[str, str], set[str]] = {}
+    found: dict[tuple[str, ...], set[str]] = {}
     for line in run.stdout.splitlines():
         message = json.loads(line)
         if message["reason"] == "compiler-artifact" and message["package_id"].startswith(("registry", "git")):
             files = (name for name in message["filenames"] if name.endswith((".rlib", ".so", ".dylib", ".dll")))
-            found.setdefault((message["package_id"], message["target"]["name"]), set()).update(files)
+            key = message["package_id"], message["target"]["name"], message["profile"]["opt_level"]
+            found.setdefault(key, set()).update(files)
     return found
 
 
 def main() -> None:
     build, tests = libraries("build"), libraries("test", "--workspace", "--no-run")
-    again = sorted(package for (package, target), files in tests.items() if files - build.get((package, target), files))
+    again = sorted(key[0] for key, files in tests.items() if files - build.get(key, files))
     for package in again:
         print(f"{package.rsplit('#')[-1]} is compiled for the program and again for tests", file=sys.stderr)
     if again:
