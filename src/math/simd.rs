@@ -125,6 +125,19 @@ pub(crate) fn signed(x: f32, sign: u32) -> f32 {
     f32::from_bits(x.to_bits() ^ sign)
 }
 
+/// Sum by halves; the length is a power of 2.
+#[inline(always)]
+pub(crate) fn halves<const J: usize>(mut x: [f32; J]) -> f32 {
+    let mut n = J;
+    while n > 1 {
+        n /= 2;
+        for j in 0..n {
+            x[j] += x[j + n];
+        }
+    }
+    x[0]
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

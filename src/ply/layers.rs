@@ -17,8 +17,7 @@ use super::asg::PARAMS;
 use super::data::layer_factors::half_nodes;
 use super::data::{MAX_PATHS, PlyData};
 use super::kernel::absorption::clamped_sigma;
-use super::kernel::energy::halves;
-use crate::math::simd::{exp2, fma, max, min};
+use crate::math::simd::{exp2, fma, halves, max, min};
 use multiversion::{multiversion, target::target_cfg_f};
 use std::f64::consts::LOG2_E;
 

@@ -4,8 +4,7 @@
 //! With T_jk the transmittance of path length j at absorption k, S the spectrum of the simulated energy and A
 //! that of all lobes together, the lobes are scaled by `sum_j T_jk S_j / sum_j T_jk A_j`.
 
-use super::energy::halves;
-use crate::math::simd::{exp2, fma, max, min};
+use crate::math::simd::{exp2, fma, halves, max, min};
 use crate::ply::data::MIN_TRANSMITTANCE;
 use multiversion::{multiversion, target::target_cfg_f};
 
@@ -198,7 +197,19 @@ impl<const J: usize> Spectra<'_, J> {
         sigma: &[f32],
         high: &mut [f32],
     ) -> OverSigma {
-        let mut over = absorb_block::<PDF, J>((self, &self.first), light, sigma, high);
+        let first = absorb_block::<PDF, J>((self, &self.first), light, sigma, high);
+        self.absorb_more::<PDF>(first, light, sigma, high)
+    }
+
+    /// Adds the blocks after the first.
+    #[inline(always)]
+    fn absorb_more<const PDF: bool>(
+        &self,
+        mut over: OverSigma,
+        light: [&[f32; J]; 2],
+        sigma: &[f32],
+        high: &mut [f32],
+    ) -> OverSigma {
         let mut first = BLOCK;
         while first < sigma.len() {
             let sigma = after(sigma, first);
@@ -219,16 +230,8 @@ impl<const J: usize> Spectra<'_, J> {
         sigma: &[f32],
         high: &mut [f32],
     ) -> OverSigma {
-        let mut over = absorb_known::<J>(block, light, sigma.len(), high);
-        let mut first = BLOCK;
-        while first < sigma.len() {
-            let sigma = after(sigma, first);
-            let t = first_transmittances(self.path, sigma);
-            let more = absorb_block::<true, J>((self, &t), light, sigma, after_mut(high, first));
-            (over.energy, over.density) = (over.energy + more.energy, over.density + more.density);
-            first += BLOCK;
-        }
-        over
+        let first = absorb_known::<J>(block, light, sigma.len(), high);
+        self.absorb_more::<true>(first, light, sigma, high)
     }
 
     /// Sum over absorptions of what they leave by path length, scaled to the simulated energy, and of the

@@ -2,13 +2,13 @@
 //! holds a lobe and one query's chain of dependent steps hides behind the others'.
 
 use super::absorption::{Spectra, by_path, first_transmittances};
-use super::energy::{halves, interpolate_node};
+use super::energy::interpolate_node;
 use super::grid_cell::GridCells;
 use super::interpolate::{interpolate_high, interpolate_refl};
 use super::layout::Tables;
 use super::lobe::{Axes, amplitudes, project, root_width, shape, sin_cos};
 use super::mixture::mixture;
-use crate::math::simd::{fma, max};
+use crate::math::simd::{fma, halves, max};
 use crate::ply::asg::PARAMS;
 use crate::ply::queries::Channels;
 

@@ -130,16 +130,3 @@ pub(in crate::ply) fn energies<const FMA: bool, const H: usize, const R: usize, 
     energies_by_sigma::<FMA, J>(&node.high, &tables.path, sigma, high);
     [node.r_d, node.refl]
 }
-
-/// Sum by halves; the length is a power of 2.
-#[inline(always)]
-pub(in crate::ply) fn halves<const J: usize>(mut x: [f32; J]) -> f32 {
-    let mut n = J;
-    while n > 1 {
-        n /= 2;
-        for j in 0..n {
-            x[j] += x[j + n];
-        }
-    }
-    x[0]
-}

@@ -10,12 +10,12 @@
 //! `exp(-mu1 u^2 - mu2 w^2) = 2^-((s1 u)^2 + (s2 w)^2)`.
 
 use super::absorption::{Block, Left, Spectra, by_path, first_transmittances};
-use super::energy::{DrawnBy, Rest, halves, interpolate_node};
+use super::energy::{DrawnBy, Rest, interpolate_node};
 use super::grid_cell::{locate, mirrored};
 use super::interpolate::{interpolate_high, interpolate_refl};
 use super::layout::Tables;
 use super::lobe::{Axes, amplitudes, axes, disc_point, disc_share, project, root_width, shape, unit};
-use crate::math::simd::{fma, max, min};
+use crate::math::simd::{fma, halves, max, min};
 use crate::ply::asg::PARAMS;
 
 /// Rows of the tables, interpolated.

@@ -2,11 +2,11 @@
 //! multiplied out.
 
 use super::absorption::leave;
-use super::energy::{Rest, halves};
+use super::energy::Rest;
 use super::grid_cell::mirrored;
 use super::lobe::{Axes, disc_point, disc_share, project, shape, unit};
 use super::mixture::{Drawing, Mixture, Shapes};
-use crate::math::simd::{fma, min};
+use crate::math::simd::{fma, halves, min};
 use crate::ply::asg::PARAMS;
 
 /// The running sums of the lobes' energies, by which a sample chooses one.
