@@ -7,9 +7,11 @@
 //! that begin with "memory" show bytes, and the times of making a cloth and of making it ready for shading.
 
 use criterion::{Criterion, criterion_group, criterion_main};
-use plywave::cloth::{ClothData, ClothModel, ClothOptions, ClothSpec, LineHits, UvMap};
+use plywave::Document;
+use plywave::cloth::{ClothData, ClothModel, ClothOptions, LineHits, UvMap};
 use plywave::{Bsdf, ClothQuery, PlyModel};
-use plywave_sim::cloth::{Effort, make_cloth, make_ready};
+use plywave_sim::cloth::{Effort, make_cloth, precompute};
+use plywave_textile::ClothSpec;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 use std::hint::black_box;
@@ -17,20 +19,22 @@ use std::sync::Arc;
 use std::time::Instant;
 
 const QUERIES: usize = 4096;
+/// Cloths that ship, with the models of their plies.
+const PLIES: [(&str, &str); 3] =
+    [("satin", "polyester_bundle"), ("jersey", "cotton_single"), ("organza", "silk_single")];
 const LAMBDA_UM: [f32; 4] = [0.45, 0.52, 0.59, 0.66];
 
-/// A cloth that ships, of the models beside the specs of its plies.
-fn made(name: &str, has_far: bool) -> ClothData {
-    let folder = format!("{}/fabrics/cloths", env!("CARGO_MANIFEST_DIR"));
-    let text = std::fs::read_to_string(format!("{folder}/{name}.toml")).expect("a cloth that ships");
+/// A cloth that ships, with the model of its plies, which are alike.
+fn made(name: &str, ply: &str, has_far: bool) -> ClothData {
+    let folder = format!("{}/fabrics", env!("CARGO_MANIFEST_DIR"));
+    let text = std::fs::read_to_string(format!("{folder}/cloths/{name}.toml")).expect("a cloth that ships");
     let spec = ClothSpec::parse(&text, name).expect("a good spec");
     let no_file = |file: &str| -> plywave::Result<Vec<u8>> { panic!("{file} is not to be read") };
-    let made = make_cloth(&spec, name, &mut |file| no_file(file), Effort::Full, &|| true).expect("a cloth");
-    let model = |ply: &str| PlyModel::load(format!("{folder}/{}", ply.replace(".toml", ".pwm")));
-    let models = spec.yarns().into_iter().map(|yarn| model(yarn.model.as_deref().expect("the name of a ply")));
-    let models: Vec<Arc<PlyModel>> = models.map(|model| Arc::new(model.expect("a model that ships"))).collect();
+    let made = make_cloth(&spec, name, &mut |file| no_file(file), Effort::Full, &|_| true).expect("a cloth");
+    let model = Arc::new(PlyModel::load(format!("{folder}/models/{ply}.pwm")).expect("a model that ships"));
+    let models = vec![model; spec.yarns().len()];
     let effort = if has_far { Effort::Full } else { Effort::Near };
-    make_ready(&text, name, &made.curves, &models, effort, &|_| true).expect("a cloth")
+    precompute(&spec, &text, &made.curves, &models, effort, &|_| true).expect("a cloth")
 }
 
 /// A direction by two numbers in [0, 1).
@@ -58,9 +62,9 @@ fn queries() -> Vec<Query> {
 fn cloth(c: &mut Criterion) {
     let queries = queries();
     println!("memory: cloth, bytes of the file, ready for shading, made in, made ready in");
-    for name in ["satin", "jersey", "organza"] {
+    for (name, ply) in PLIES {
         let begun = Instant::now();
-        let data = made(name, false);
+        let data = made(name, ply, false);
         let making = begun.elapsed();
         let bytes = data.to_bytes().expect("a good cloth").len();
         let begun = Instant::now();
@@ -121,7 +125,7 @@ fn cloth(c: &mut Criterion) {
 fn far(c: &mut Criterion) {
     let queries = queries();
     let options = ClothOptions { far: true, ..ClothOptions::default() };
-    let cloth = ClothModel::from_data(made("jersey", true), &options).expect("a good cloth");
+    let cloth = ClothModel::from_data(made("jersey", "cotton_single", true), &options).expect("a good cloth");
     let mut i = 0;
     c.bench_function("jersey from afar: at, eval with pdf, sample", |b| {
         b.iter(|| {

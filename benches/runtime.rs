@@ -6,6 +6,7 @@
 //! `sample` returns direction, weight and pdf. Times of a batch are of all its queries; the throughput is per
 //! query.
 
+use plywave::Document;
 #[path = "../tests/it/synthetic/mod.rs"]
 mod synthetic;
 
@@ -157,7 +158,7 @@ fn runtime(c: &mut Criterion) {
         b.iter(|| {
             let (theta_i, h, sigma, wo, _) = next();
             let reference =
-                plywave::ply::reference::Mixture::new(&data, theta_i.into(), h.into(), &sigma.map(f64::from));
+                plywave_check::reference::Mixture::new(&data, theta_i.into(), h.into(), &sigma.map(f64::from));
             black_box(reference.map(|t| t.eval_split(wo.map(f64::from))))
         })
     });

@@ -9,6 +9,7 @@
 //!
 //! Without an argument it prints these lines.
 
+use plywave::Document;
 use plywave::cloth::{ClothData, ClothOptions};
 use plywave::{Bsdf, BsdfSample, ClothModel, ClothQuery};
 use rand::{RngExt, SeedableRng};

@@ -15,14 +15,23 @@ pub static MODELS: &[(&str, &[u8])] = models![
     "cotton_2ply",
     "cotton_3ply",
     "cotton_4ply",
+    "cotton_bundle_ne40",
+    "cotton_bundle_ne7",
+    "cotton_single",
+    "flax_bundle",
     "glass",
+    "glass_bundle",
     "gold",
     "polyester",
     "polyester_3ply",
+    "polyester_bundle",
     "silk",
+    "silk_single",
     "viscose",
     "wool",
     "wool_2ply",
+    "worsted_bundle",
+    "worsted_single",
 ];
 
 /// Files by their paths.
@@ -32,8 +41,8 @@ macro_rules! files {
     };
 }
 
-/// Path, below this folder, and bytes of every spec of a yarn and of a cloth that ships, and of the models of
-/// the cloths' plies.
+/// Path, below this folder, and bytes of every spec of a yarn and of a cloth that ships, and of the files that
+/// they name.
 pub static SPECS: &[(&str, &[u8])] = files![
     "alpaca.toml",
     "cotton.toml",
@@ -56,6 +65,7 @@ pub static SPECS: &[(&str, &[u8])] = files![
     "cloths/glass.toml",
     "cloths/gold.toml",
     "cloths/hopsack.toml",
+    "cloths/houndstooth.toml",
     "cloths/jersey.toml",
     "cloths/linen.toml",
     "cloths/melton.toml",
@@ -63,22 +73,8 @@ pub static SPECS: &[(&str, &[u8])] = files![
     "cloths/percale.toml",
     "cloths/rib.toml",
     "cloths/satin.toml",
-    "cloths/plies/cotton_bundle_ne40.pwm",
-    "cloths/plies/cotton_bundle_ne40.toml",
-    "cloths/plies/cotton_bundle_ne7.pwm",
-    "cloths/plies/cotton_bundle_ne7.toml",
-    "cloths/plies/cotton_single.pwm",
-    "cloths/plies/cotton_single.toml",
-    "cloths/plies/flax_bundle.pwm",
-    "cloths/plies/flax_bundle.toml",
-    "cloths/plies/glass_bundle.pwm",
-    "cloths/plies/glass_bundle.toml",
-    "cloths/plies/polyester_bundle.pwm",
-    "cloths/plies/polyester_bundle.toml",
-    "cloths/plies/silk_single.pwm",
-    "cloths/plies/silk_single.toml",
-    "cloths/plies/worsted_bundle.pwm",
-    "cloths/plies/worsted_bundle.toml",
-    "cloths/plies/worsted_single.pwm",
-    "cloths/plies/worsted_single.toml",
+    "cloths/tartan.toml",
 ];
+
+/// Specs of the plies of the models that ship, by name, as a JSON object.
+pub static PLIES: &str = include_str!("models/plies.json");

@@ -2,6 +2,7 @@
 # The Python package and its Mitsuba plugins as a user gets them: one wheel, built and installed with Mitsuba 3 in a fresh virtual environment outside the repository, the tests run
 # against it, one example rendered small. Installs LLVM's library where it is missing and apt-get is there (as root). Run from anywhere; PYTHON chooses the interpreter. The
 # program's words, numbers and pictures are compared where target/release/plywave has been built.
+# python/ci.sh [--minutes M] runs of the slow tests what fits into M minutes, in a rotation, and all without it.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
@@ -26,8 +27,9 @@ apart=$(comm -23 <(tree --manifest-path python/Cargo.toml) <(echo "$program") | 
 
 scratch=$(mktemp -d)
 trap 'rm -rf "$scratch"' EXIT
-"${PYTHON:-python3}" -m venv "$scratch/venv"
-bin=$scratch/venv/bin
+# PLYWAVE_VENV names an environment that has what the package needs.
+[ -n "${PLYWAVE_VENV:-}" ] || "${PYTHON:-python3}" -m venv "$scratch/venv"
+bin=${PLYWAVE_VENV:-$scratch/venv}/bin
 # The extension is built in the workspace's target folder, whose dependencies it shares, and where a second run builds what has changed.
 export CARGO_TARGET_DIR="${CARGO_TARGET_DIR:-$PWD/target}"
 cargo clippy --manifest-path python/Cargo.toml --locked --release -- -D warnings
@@ -35,7 +37,7 @@ cargo clippy --manifest-path python/Cargo.toml --locked --release -- -D warnings
 
 # One after the other: workers of the farm and times want the cores for themselves. Mitsuba's kernels are each compiled on one core: two processes.
 # What hangs is told before the runner's own limit.
-all=(-q -p no:cacheprovider --durations=5)
+all=(-q -p no:cacheprovider --durations=5 "$@")
 timeout 1200 "$bin/pytest" "${all[@]}" python/tests --ignore python/tests/test_mitsuba.py --ignore python/tests/test_mitsuba_cloth.py --ignore python/tests/test_cost.py
 timeout 2400 "$bin/pytest" "${all[@]}" -n 2 python/tests/test_mitsuba.py python/tests/test_mitsuba_cloth.py
 "$bin/pytest" "${all[@]}" python/tests/test_cost.py

@@ -15,7 +15,6 @@ import json
 import os
 import re
 import shlex
-import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -31,7 +30,9 @@ FABRICS = (ROOT / "fabrics").resolve()
 FONT = ROOT / "cli/fonts/DejaVuSans.ttf"
 CLOTHS = FABRICS / "cloths"
 INDEX = "gallery.json"
-PLY = re.compile(r'^model = "plies/(\w+)\.toml"$', re.MULTILINE)
+FIBER = re.compile(r"^fiber = .*$", re.MULTILINE)
+# Models of the plies of cloths that are shown with speckle.
+PLIES = {"satin": "polyester_bundle"}
 
 # Pixels a side of a panel by the number of panels, samples a pixel, most scatterings of a path.
 SIDES, SAMPLES, DEPTH = {1: 1024, 2: 640, 3: 480, 4: 400, 5: 320}, 48, 8
@@ -168,19 +169,11 @@ class Gallery:
         self.write(INDEX, json.dumps(self.index, indent=1) + "\n")
         self.write("gallery.md", page)
 
-    def ply(self, name):
-        """Copies the spec and the model of a ply into the folder; gives their bytes."""
-        files = [CLOTHS / f"plies/{name}{ending}" for ending in (".toml", ".pwm")]
-        if not self.dry:
-            for file in files:
-                shutil.copyfile(file, self.folder / "cloths/plies" / file.name)
-        return b"".join(file.read_bytes() for file in files)
-
     def speckle(self, name):
-        """Makes the model of a ply with speckle."""
-        ply = f"cloths/plies/{name}"
-        self.plywave(f"wave speckle {ply}.toml --instances {self.instances} --fresh -o {ply}.pws")
-        self.plywave(f"noise {ply}.pws -m {ply}.pwm -o {ply}{SPECKLE}.pwm")
+        """Makes the model of the ply of a cloth with speckle; gives its path beside the cloth's spec."""
+        ply = f"plies/{PLIES[name]}"
+        self.plywave(f"wave speckle cloths/{name}.toml --instances {self.instances} --fresh -o cloths/{ply}.pws")
+        self.plywave(f"noise cloths/{ply}.pws -m {PLIES[name]} -o cloths/{ply}{SPECKLE}.pwm")
 
     def cloth(self, cloth):
         """Makes a cloth file in the folder, unless it is there with the same inputs; gives their digest."""
@@ -188,16 +181,18 @@ class Gallery:
             return self.ready[cloth]
         name, has_speckle = cloth.removesuffix(SPECKLE), cloth.endswith(SPECKLE)
         text = (CLOTHS / f"{name}.toml").read_text(encoding="utf-8")
-        plies = sorted(set(PLY.findall(text))) or sys.exit(f"{name}.toml: no line {PLY.pattern}")
+        own = text
         if has_speckle:
-            text = PLY.sub(rf'model = "plies/\1{SPECKLE}.pwm"', text)
-        made_of = [text.encode(), *map(self.ply, plies), str(self.instances if has_speckle else 0).encode()]
+            if name not in PLIES:
+                sys.exit(f"{name}: not among the cloths that are shown with speckle")
+            text = FIBER.sub(rf'\g<0>\nmodel = "plies/{PLIES[name]}{SPECKLE}.pwm"', text)
+        made_of = [text.encode(), (FABRICS / "models/plies.json").read_bytes(), str(self.instances if has_speckle else 0).encode()]
         inputs, file = digest(*made_of), f"cloths/{cloth}.pwc"
         if self.index["cloths"].get(cloth) != inputs or not (self.dry or (self.folder / file).is_file()):
             self.write(f"cloths/{cloth}.toml", text)
             if has_speckle:
-                for ply in plies:
-                    self.speckle(ply)
+                self.write(f"cloths/{name}.toml", own)
+                self.speckle(name)
             self.plywave(f"weave cloths/{cloth}.toml -o {file}")
             self.index["cloths"][cloth] = inputs
             self.save()

@@ -1,8 +1,8 @@
 #!/usr/bin/env bash
 # Rebuilds the models that ship in fabrics/models/ from the specs in fabrics/: preset standard, seed 1, with speckle of single fibers. Yarns of several
-# plies, NAME_Pply, are made of the table of one ply, NAME.
+# plies, NAME_Pply, are made of the table of one ply, NAME. Plies of the cloths that ship are of preview quality, without speckle.
 #
-#   scripts/rebuild_models.sh                  all yarns
+#   scripts/rebuild_models.sh                  all yarns and plies
 #   scripts/rebuild_models.sh silk wool_2ply   these only
 #   PRESET=preview OUT=out scripts/rebuild_models.sh     for a try
 #
@@ -15,7 +15,10 @@ seed=${SEED:-1}
 out=${OUT:-fabrics/models}
 tables=${TABLES:-target/tables}/$preset-$seed
 yarns=("$@")
-[ ${#yarns[@]} -gt 0 ] || yarns=(polyester polyester_3ply cotton cotton_2ply cotton_3ply cotton_4ply silk wool wool_2ply viscose alpaca gold glass)
+# Plies of cloths, each with a cloth of whose warp or only yarn it is.
+declare -A plies=([cotton_bundle_ne40]=percale [cotton_bundle_ne7]=denim [cotton_single]=jersey [flax_bundle]=linen [glass_bundle]=glass
+    [polyester_bundle]=satin [silk_single]=organza [worsted_bundle]=gabardine [worsted_single]=hopsack)
+[ ${#yarns[@]} -gt 0 ] || yarns=("${!plies[@]}" polyester polyester_3ply cotton cotton_2ply cotton_3ply cotton_4ply silk wool wool_2ply viscose alpaca gold glass)
 
 cargo build --locked --release -p plywave-cli
 mkdir -p "$out" "$tables"
@@ -29,9 +32,14 @@ fibers() {
     esac
 }
 for yarn in "${yarns[@]}"; do
-    [ -f "fabrics/$yarn.toml" ] || { echo "fabrics/$yarn.toml: no such spec" >&2; exit 2; }
+    [ -n "${plies[$yarn]:-}" ] || [ -f "fabrics/$yarn.toml" ] || { echo "fabrics/$yarn.toml: no such spec" >&2; exit 2; }
 done
 for yarn in "${yarns[@]}"; do
+    if [ -n "${plies[$yarn]:-}" ]; then
+        # Few fibers in a bundle make sharp slices, which three lobes fit within .4.
+        target/release/plywave build "fabrics/cloths/${plies[$yarn]}.toml" --preset preview --seed "$seed" --max-error-refl 0.4 -o "$out/$yarn.pwm"
+        continue
+    fi
     ply=${yarn%_[2-7]ply}
     table=$tables/$ply.pwt
     # A table older than its spec is of another yarn.
@@ -45,6 +53,7 @@ for yarn in "${yarns[@]}"; do
     target/release/plywave fit "$table" --spec "fabrics/$yarn.toml" -o "$tables/$yarn-smooth.pwm"
     target/release/plywave noise "$patterns" -m "$tables/$yarn-smooth.pwm" --seed "$seed" -o "$out/$yarn.pwm"
 done
+[ "$out" != fabrics/models ] || scripts/model_index.py
 
 echo
 for yarn in "${yarns[@]}"; do

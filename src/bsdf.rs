@@ -1,8 +1,8 @@
-//! The interface of every scattering model: a query fixes one direction and all other properties of a shading
+//! The interface of every scattering model. A query fixes one direction and all other properties of a shading
 //! point, and the model at that query is a [`Bsdf`].
 //!
-//! Directions are unit vectors that point away from the surface, ply or fiber. One of the two is fixed by the
-//! query, the other is the argument `w` of each call:
+//! Directions are unit vectors that point away from the surface, ply or fiber. The query fixes one of the
+//! two; the other is the argument `w` of each call:
 //!
 //! | | fixed by the query | `w` of `eval`, `pdf`, `sample` |
 //! |---|---|---|
@@ -13,9 +13,9 @@
 
 /// A scattering function with its query fixed, for N absorptions or wavelengths at once.
 ///
-/// `f` is an energy density [1/sr], the BSDF times the cosine of `w` (for a ply or fiber: the papers' energy
-/// density): its integral over the sphere is the scattered fraction of the query's incident light. No call
-/// fails, allocates or panics, for any input.
+/// `f` is an energy density [1/sr], the BSDF times the cosine of `w`; for a ply or fiber it is the papers'
+/// energy density. Its integral over the sphere is the scattered fraction of the query's incident light. No
+/// call fails, allocates or panics, for any input.
 ///
 /// ```
 /// use plywave::{Bsdf, BsdfSample};
@@ -39,7 +39,7 @@
 /// }
 /// ```
 pub trait Bsdf<const N: usize> {
-    /// f in direction `w` [1/sr]. Light that goes straight on is a delta and not included.
+    /// f in direction `w` [1/sr]. Light that goes straight on is a delta function and is excluded.
     fn eval(&self, w: [f32; 3]) -> [f32; N];
 
     /// Density [1/sr] with which [`Bsdf::sample`] returns `w`; its integral is [`Outcomes::scattered`].
@@ -53,19 +53,19 @@ pub trait Bsdf<const N: usize> {
     /// Samples the outcome of a light path from three independent uniform numbers in [0, 1).
     fn sample(&self, u: [f32; 3]) -> BsdfSample<N>;
 
-    /// Integral of f over the sphere, by absorption or wavelength.
+    /// Integral of f over the sphere, one value for each absorption or wavelength.
     fn albedo(&self) -> [f32; N];
 
-    /// Fraction of the light that goes straight on, unscattered, by absorption or wavelength; 0 for most
-    /// models.
+    /// Fraction of the light that goes straight on, unscattered, one value for each absorption or wavelength;
+    /// 0 for most models.
     fn straight(&self) -> [f32; N] {
         [0.0; N]
     }
 
-    /// Chances of the outcomes of [`Bsdf::sample`].
+    /// Probabilities of the outcomes of [`Bsdf::sample`].
     fn outcomes(&self) -> Outcomes;
 
-    /// [`Bsdf::eval`] and [`Bsdf::pdf`] in many directions, as many as the shortest slice has.
+    /// [`Bsdf::eval`] and [`Bsdf::pdf`] in many directions. The shortest slice determines their number.
     fn eval_batch(&self, w: &[[f32; 3]], f: &mut [[f32; N]], pdf: &mut [f32]) {
         for ((w, f), pdf) in w.iter().zip(f).zip(pdf) {
             (*f, *pdf) = self.eval_pdf(*w);
@@ -90,11 +90,11 @@ pub trait Bsdf<const N: usize> {
 pub enum BsdfSample<const N: usize> {
     /// The light is scattered into a direction.
     Scattered(DirectionSample<N>),
-    /// The light goes straight on, as if nothing were there: a delta.
+    /// The light goes straight on, as if nothing were there: a delta function.
     Straight {
-        /// [`Bsdf::straight`] over the probability, by absorption or wavelength.
+        /// [`Bsdf::straight`] divided by the probability, one value for each absorption or wavelength.
         weight: [f32; N],
-        /// Chance of this outcome.
+        /// Probability of this outcome.
         probability: f32,
     },
     /// The path ends here.
@@ -104,22 +104,22 @@ pub enum BsdfSample<const N: usize> {
 /// A sampled direction.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DirectionSample<const N: usize> {
-    /// Direction, unit.
+    /// Sampled direction, unit.
     pub w: [f32; 3],
-    /// f / pdf, by absorption or wavelength.
+    /// f / pdf, one value for each absorption or wavelength.
     pub weight: [f32; N],
-    /// Density of the direction [1/sr], including the chance of being scattered.
+    /// Density of the direction [1/sr], including the probability of being scattered.
     pub pdf: f32,
 }
 
-/// Chances of the variants of [`BsdfSample`]; they sum to 1.
+/// Probabilities of the variants of [`BsdfSample`]; they sum to 1.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Outcomes {
-    /// Chance of [`BsdfSample::Scattered`].
+    /// Probability of [`BsdfSample::Scattered`].
     pub scattered: f32,
-    /// Chance of [`BsdfSample::Straight`].
+    /// Probability of [`BsdfSample::Straight`].
     pub straight: f32,
-    /// Chance of [`BsdfSample::Absorbed`].
+    /// Probability of [`BsdfSample::Absorbed`].
     pub absorbed: f32,
 }
 
@@ -129,8 +129,9 @@ impl Outcomes {
     /// All light is scattered.
     pub const SCATTERED: Outcomes = Outcomes { scattered: 1.0, straight: 0.0, absorbed: 0.0 };
 
-    /// Chances of scattered and straight light in proportion to these energies; absorbed if both are 0.
-    pub(crate) fn in_proportion(scattered: f32, straight: f32) -> Outcomes {
+    /// Probabilities of scattered and of straight light in proportion to these energies. If both are 0, the
+    /// light is absorbed.
+    pub fn in_proportion(scattered: f32, straight: f32) -> Outcomes {
         let total = scattered + straight;
         if total > 0.0 {
             let straight = straight / total;
@@ -142,7 +143,7 @@ impl Outcomes {
 }
 
 impl<const N: usize> BsdfSample<N> {
-    /// The direction of scattered light.
+    /// The direction of scattered light; `None` for other outcomes.
     pub fn direction(&self) -> Option<&DirectionSample<N>> {
         match self {
             BsdfSample::Scattered(sample) => Some(sample),
@@ -150,8 +151,8 @@ impl<const N: usize> BsdfSample<N> {
         }
     }
 
-    /// A sample with f and pdf in a direction.
-    pub(crate) fn scattered(w: [f32; 3], f: [f32; N], pdf: f32) -> Self {
+    /// The sample of a direction with f and pdf there. If `pdf` is 0, the weight is 0.
+    pub fn scattered(w: [f32; 3], f: [f32; N], pdf: f32) -> Self {
         let mut weight = [0.0; N];
         if pdf > 0.0 {
             for k in 0..N {
@@ -161,8 +162,8 @@ impl<const N: usize> BsdfSample<N> {
         BsdfSample::Scattered(DirectionSample { w, weight, pdf })
     }
 
-    /// A sample of straight light: its energy and the chance of sampling it.
-    pub(crate) fn straight(energy: [f32; N], probability: f32) -> Self {
+    /// The sample of straight light of this energy, chosen with this probability; absorbed if that is 0.
+    pub fn straight(energy: [f32; N], probability: f32) -> Self {
         if probability > 0.0 {
             BsdfSample::Straight { weight: energy.map(|e| e / probability), probability }
         } else {

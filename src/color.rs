@@ -1,13 +1,13 @@
-//! Color: from spectra to XYZ and sRGB for output, from a color or a reflectance to the absorption
+//! Color: from spectra to XYZ and sRGB for output, and from a color or a reflectance to the absorption
 //! sigma(lambda) for input.
 //!
-//! Spectra are stored at 5 nm from 0.38 to 0.78 um, linear between the nodes and constant beyond the ends.
-//! Integrals are sums over the nodes, the method of the CIE for 5 nm tables:
+//! Spectra are stored at 5 nm from 0.38 to 0.78 um. They are linear between the nodes and constant beyond the
+//! ends. Integrals are sums over the nodes, the method of the CIE for 5 nm tables:
 //! `X = sum of x_bar(lambda) S(lambda) / sum of y_bar(lambda)`, so a spectrum that is 1 everywhere has Y = 1.
 //!
 //! The white point of sRGB is that of the tabulated D65, (0.3127, 0.3290) to four digits, and the matrix
-//! follows from it and the primaries of ITU-R BT.709. So a flat reflectance is an exact gray; the digits
-//! printed in IEC 61966-2-1 differ by at most 4e-4.
+//! follows from it and from the primaries of ITU-R BT.709. A flat reflectance is therefore an exact gray. The
+//! digits printed in IEC 61966-2-1 differ by at most 4e-4.
 
 mod absorption;
 mod difference;
@@ -18,15 +18,16 @@ mod written;
 pub use absorption::{AlbedoCurve, Clamped, SigmaSpectrum};
 pub use difference::delta_e_2000;
 pub use upsample::SmoothReflectance;
+#[doc(hidden)]
+pub use written::srgb_of_value;
 pub use written::{SRGB_FORMS, srgb_of_numbers, srgb_of_text};
-pub(crate) use written::{optional_srgb, srgb, srgb_of_value};
 
 use tables::{D65, X_BAR, X10_BAR, Y_BAR, Y10_BAR, Z_BAR, Z10_BAR};
 
 /// Number of nodes of a spectrum.
 pub const SPECTRUM_NODES: usize = 81;
-/// Wavelengths that represent R, G and B of a host that renders in RGB [um], the dominant ones of the sRGB
-/// primaries. Diffraction and speckle use them; the color of the yarns does not depend on them.
+/// Wavelengths [um] that represent R, G and B in a host that renders in RGB: the dominant wavelengths of the
+/// sRGB primaries. Diffraction and speckle use them; the color of the yarns does not depend on them.
 pub const RGB_LAMBDA_UM: [f32; 3] = [0.612, 0.549, 0.464];
 
 /// First and last wavelength of a spectrum [um].
@@ -37,8 +38,8 @@ pub fn spectrum_lambda_um(node: usize) -> f64 {
     (380 + 5 * node) as f64 * 1e-3
 }
 
-/// Position of a wavelength [um] among the nodes, as node and fraction; wavelengths below the first and above
-/// the last node are clamped, and NaN counts as the first.
+/// Position of a wavelength [um] among the nodes, as node and fraction. Wavelengths beyond the nodes are
+/// clamped to them, and NaN becomes the first node.
 fn place(lambda_um: f64) -> (usize, f64) {
     let x = ((lambda_um - SPECTRUM_UM[0]) / 0.005).max(0.0).min((SPECTRUM_NODES - 1) as f64);
     let node = (x as usize).min(SPECTRUM_NODES - 2);
@@ -64,14 +65,14 @@ pub fn xyz_of_reflectance(reflectance: impl Fn(f64) -> f64) -> [f64; 3] {
     sums(OBSERVER_2_DEG, |i| reflectance(spectrum_lambda_um(i)), |i| D65[i])
 }
 
-/// XYZ of a reflectance under D65 for the standard observer of 1964 (10 degrees), as textile labs have it;
-/// Y = 1 for a reflectance that is 1 at every wavelength.
+/// XYZ of a reflectance under D65 for the standard observer of 1964 (10 degrees), which textile labs use; Y =
+/// 1 for a reflectance that is 1 at every wavelength.
 pub fn xyz_10_of_reflectance(reflectance: impl Fn(f64) -> f64) -> [f64; 3] {
     sums([&X10_BAR, &Y10_BAR, &Z10_BAR], |i| reflectance(spectrum_lambda_um(i)), |i| D65[i])
 }
 
-/// X, Y and Z per um of wavelength of a white surface under D65, at a wavelength [um]; the integral of Y is
-/// 1. 0 outside the table. For hosts that sample wavelengths.
+/// X, Y and Z per um of wavelength of a white surface under D65, at a wavelength [um], for hosts that sample
+/// wavelengths. The integral of Y is 1. Outside the table the values are 0.
 pub fn d65_xyz_density(lambda_um: f64) -> [f64; 3] {
     let (i, t) = place(lambda_um);
     let light = D65[i] + t * (D65[i + 1] - D65[i]);
@@ -95,7 +96,7 @@ fn sums(bars: Observer, value: impl Fn(usize) -> f64, light: impl Fn(usize) -> f
     xyz.map(|v| v / white)
 }
 
-/// XYZ of D65, Y = 1.
+/// XYZ of D65, with Y = 1.
 pub fn white_d65() -> [f64; 3] {
     xyz_of_reflectance(|_| 1.0)
 }
@@ -106,7 +107,7 @@ fn times(m: &Matrix, v: [f64; 3]) -> [f64; 3] {
     m.map(|row| row[0] * v[0] + row[1] * v[1] + row[2] * v[2])
 }
 
-/// The inverse by cofactors; not finite for a singular matrix.
+/// The inverse by cofactors. It is not finite for a singular matrix.
 fn inverse(m: &Matrix) -> Matrix {
     let minor = |r: usize, c: usize| {
         let (r, s, c, d) = ((r + 1) % 3, (r + 2) % 3, (c + 1) % 3, (c + 2) % 3);
@@ -116,8 +117,8 @@ fn inverse(m: &Matrix) -> Matrix {
     std::array::from_fn(|r| std::array::from_fn(|c| minor(c, r) / det))
 }
 
-/// Matrix from linear RGB of these primaries to XYZ: columns are the primaries, scaled so that (1, 1, 1) is
-/// D65.
+/// Matrix from linear RGB of these primaries to XYZ. The columns are the primaries, scaled so that (1, 1, 1)
+/// is D65.
 fn primaries_to_xyz(primaries: [[f64; 2]; 3]) -> Matrix {
     let columns = primaries.map(|[x, y]| [x / y, 1.0, (1.0 - x - y) / y]);
     let m: Matrix = std::array::from_fn(|r| std::array::from_fn(|c| columns[c][r]));
@@ -135,7 +136,7 @@ fn rec2020_to_xyz() -> Matrix {
     primaries_to_xyz([[0.708, 0.292], [0.170, 0.797], [0.131, 0.046]])
 }
 
-/// Linear BT.2020 RGB from XYZ; below 0 or above 1 for a color outside its gamut.
+/// Linear BT.2020 RGB from XYZ. Components of a color outside the gamut are below 0 or above 1.
 pub fn linear_rec2020_of_xyz(xyz: [f64; 3]) -> [f64; 3] {
     times(&inverse(&rec2020_to_xyz()), xyz)
 }
@@ -145,7 +146,7 @@ pub fn xyz_of_linear_rec2020(rgb: [f64; 3]) -> [f64; 3] {
     times(&rec2020_to_xyz(), rgb)
 }
 
-/// Linear sRGB from XYZ; below 0 or above 1 for a color outside its gamut.
+/// Linear sRGB from XYZ. Components of a color outside the gamut are below 0 or above 1.
 pub fn linear_srgb_of_xyz(xyz: [f64; 3]) -> [f64; 3] {
     times(&inverse(&rgb_to_xyz()), xyz)
 }
@@ -155,7 +156,7 @@ pub fn xyz_of_linear_srgb(rgb: [f64; 3]) -> [f64; 3] {
     times(&rgb_to_xyz(), rgb)
 }
 
-/// sRGB's transfer function (IEC 61966-2-1), from linear 0 to 1 to encoded 0 to 1, odd about 0.
+/// Transfer function of sRGB (IEC 61966-2-1), from linear [0, 1] to encoded [0, 1]; odd about 0.
 pub fn srgb_encode(linear: f64) -> f64 {
     let v = linear.abs();
     (if v <= 0.003_130_8 { 12.92 * v } else { 1.055 * v.powf(1.0 / 2.4) - 0.055 }).copysign(linear)
@@ -167,12 +168,12 @@ pub fn srgb_decode(encoded: f64) -> f64 {
     (if v <= 0.040_45 { v / 12.92 } else { ((v + 0.055) / 1.055).powf(2.4) }).copysign(encoded)
 }
 
-/// CIELAB (1976) from XYZ with D65 as its white.
+/// CIELAB (1976) from XYZ, with D65 as the white.
 pub fn lab_of_xyz(xyz: [f64; 3]) -> [f64; 3] {
     lab_under(xyz, white_d65())
 }
 
-/// CIELAB (1976) from XYZ of the observer of 1964, with its D65 as the white.
+/// CIELAB (1976) from XYZ of the observer of 1964, with that observer's D65 as the white.
 pub fn lab_of_xyz_10(xyz: [f64; 3]) -> [f64; 3] {
     lab_under(xyz, xyz_10_of_reflectance(|_| 1.0))
 }
@@ -182,7 +183,7 @@ fn lab_under(xyz: [f64; 3], white: [f64; 3]) -> [f64; 3] {
     [116.0 * f[1] - 16.0, 500.0 * (f[0] - f[1]), 200.0 * (f[1] - f[2])]
 }
 
-/// CIELAB's cube root with its linear start, and the slope.
+/// CIELAB's cube root with its linear start, and its slope.
 fn lab_root(t: f64) -> (f64, f64) {
     const KNEE: f64 = 6.0 / 29.0;
     if t > KNEE * KNEE * KNEE {
@@ -194,7 +195,7 @@ fn lab_root(t: f64) -> (f64, f64) {
     }
 }
 
-/// Distance of two colors in CIELAB, Delta E of 1976; about 2 is visible.
+/// Distance between two colors in CIELAB, Delta E of 1976; about 2 is visible.
 pub fn delta_e(xyz: [f64; 3], other: [f64; 3]) -> f64 {
     let (a, b) = (lab_of_xyz(xyz), lab_of_xyz(other));
     (0..3).map(|i| (a[i] - b[i]).powi(2)).sum::<f64>().sqrt()
@@ -209,8 +210,8 @@ mod tests {
         [xyz[0] / sum, xyz[1] / sum]
     }
 
-    /// Published values: the integrals of the color matching functions (CVRL: 106.857 each at 5 nm), white
-    /// points of E and D65, the peak of V.
+    /// Published values: the integrals of the color matching functions (CVRL: 106.857 each at 5 nm), the
+    /// white points of E and D65, and the peak of V.
     #[test]
     fn tables_have_the_published_integrals_and_white_points() {
         for bar in [&X_BAR, &Y_BAR, &Z_BAR] {
@@ -223,7 +224,7 @@ mod tests {
             let integral = 5.0 * bar.iter().sum::<f64>();
             assert!((integral - 116.66).abs() < 0.02, "{integral}");
         }
-        // Published from 360 to 830 nm; here from 380 to 780.
+        // The published value is from 360 to 830 nm; here the range is 380 to 780 nm.
         let d65_10 = chromaticity(xyz_10_of_reflectance(|_| 1.0));
         assert!((d65_10[0] - 0.313_82).abs() < 4e-5 && (d65_10[1] - 0.331_00).abs() < 4e-5, "{d65_10:?}");
         let e = chromaticity(xyz_of_light(|_| 1.0));
@@ -236,8 +237,8 @@ mod tests {
         assert!((a[0] - 0.447_58).abs() < 3e-4 && (a[1] - 0.407_45).abs() < 3e-4, "{a:?}");
     }
 
-    /// The matrix of IEC 61966-2-1 up to the difference of its white; a round trip preserves the color; white
-    /// is (1, 1, 1).
+    /// The matrix is that of IEC 61966-2-1 up to the difference of its white; a round trip preserves the
+    /// color; white is (1, 1, 1).
     #[test]
     fn srgb_there_and_back() {
         let printed = [
@@ -265,7 +266,7 @@ mod tests {
         assert!((lab_of_xyz(gray)[1]).abs() < 1e-9 && delta_e(gray, gray) == 0.0);
     }
 
-    /// A table is linear between nodes; NaN and values outside count as an end.
+    /// A table is linear between nodes; values outside are clamped to an end and NaN becomes the first node.
     #[test]
     fn wavelengths_have_their_place() {
         assert_eq!((place(0.38), place(0.78)), ((0, 0.0), (79, 1.0)));

@@ -1,4 +1,5 @@
-//! Errors of the runtime, as structured values. One line names the file, the key, the value and the hint.
+//! Errors of the runtime, as structured values. The message of each is one line that names the file, the key,
+//! the value and a hint.
 
 /// An error of loading, saving or checking data. `eval`, `sample` and `pdf` never fail.
 ///
@@ -13,56 +14,57 @@ pub enum Error {
     /// The file could not be read or written.
     #[error("{file}: {source}")]
     Io {
-        /// Path as given.
+        /// Path, as the caller passed it.
         file: String,
-        /// Error from the system.
+        /// Error of the operating system.
         source: std::io::Error,
     },
     /// A key of a spec, or a tensor or field of a table or model, has a value that is not allowed.
     #[error("{file}: {key} = {value}: {hint}")]
     Invalid {
-        /// Path as given.
+        /// Path, as the caller passed it.
         file: String,
-        /// Key, dotted if nested.
+        /// Key, with dots if nested.
         key: String,
-        /// Offending value as text.
+        /// Invalid value, as text.
         value: String,
         /// Hint: the accepted values.
         hint: String,
     },
-    /// The file is not of the expected format or version, or is damaged.
+    /// The file has another format or version, or is damaged.
     #[error("{file}: {what}; {hint}")]
     Format {
-        /// Path as given.
+        /// Path, as the caller passed it.
         file: String,
-        /// What is wrong.
+        /// Description of the problem.
         what: String,
-        /// Hint: how to fix it.
+        /// Hint: how to fix the problem.
         hint: String,
     },
 }
 
-/// A message as one printable line of at most `most` characters, for any text from a file: control
-/// characters, Unicode's line and paragraph separators, and runs of spaces become one space.
+/// A message as one printable line of at most `max_chars` characters, for any text from a file. Control
+/// characters, Unicode's line and paragraph separators, and runs of spaces become one space. A longer text is
+/// cut and ends in "...".
 ///
 /// ```
 /// assert_eq!(plywave::one_line("key\n  \u{1b}[31m\u{2028}", 20), "key [31m");
 /// assert_eq!(plywave::one_line("0123456789", 8), "01234...");
 /// ```
-pub fn one_line(text: &str, most: usize) -> String {
+pub fn one_line(text: &str, max_chars: usize) -> String {
     let mut line: Vec<char> = Vec::new();
     for c in text.chars().map(|c| if c.is_control() || matches!(c, '\u{2028}' | '\u{2029}') { ' ' } else { c }) {
         // One character more than fits shows that the text is longer.
-        if line.len() > most {
+        if line.len() > max_chars {
             break;
         }
         if c != ' ' || line.last().is_some_and(|last| *last != ' ') {
             line.push(c);
         }
     }
-    if line.len() > most {
-        line.truncate(most.saturating_sub(3));
-        line.extend("...".chars().take(most));
+    if line.len() > max_chars {
+        line.truncate(max_chars.saturating_sub(3));
+        line.extend("...".chars().take(max_chars));
     }
     let end = line.iter().rposition(|c| *c != ' ').map_or(0, |last| last + 1);
     line.into_iter().take(end).collect()

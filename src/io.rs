@@ -2,9 +2,10 @@
 //! sources of named files.
 //!
 //! No other module of this crate accesses the file system. Loading goes through an [`AssetSource`], so a host
-//! without file system (a browser, a renderer with its own archive) provides bytes by name.
+//! without a file system (a browser, a renderer with its own archive) can provide bytes by name.
 //!
-//! Public for the crates of this workspace; a host needs only [`AssetSource`] and its two implementations.
+//! A host needs [`AssetSource`] and its implementations, and [`Document`] if it writes files. The rest is for
+//! crates that add a kind of file.
 
 pub(crate) mod check;
 pub(crate) mod container;
@@ -14,20 +15,18 @@ mod library;
 mod set;
 mod source;
 
-pub use container::{FileKind, file_kind};
+pub use check::{Axis, Check, Summary};
+pub use container::{FileKind, Reader, Writer, file_kind, invalid};
 pub use disk::{is_temporary, lock_file, open_file, output_target, read_file, read_text, write_file, write_file_with};
+pub use document::{Document, Provenance};
 pub use library::{MODELS_VARIABLE, ModelLibrary};
 pub use set::write_files;
 pub use source::{AssetSource, Folder, MemoryAssets};
 
-pub(crate) use check::{Axis, Check, Summary};
-pub(crate) use container::{Reader, Writer, invalid};
-pub(crate) use document::{Document, Provenance};
-
 use crate::{Error, Result};
 use std::path::Path;
 
-/// The bytes of a file of the given kind, up to the kind's largest size.
+/// The bytes of a file of the given kind, up to the kind's maximum size.
 pub(crate) fn read_kind(path: &Path, kind: FileKind) -> Result<Vec<u8>> {
     read_file(path, kind.most_bytes())
 }
@@ -37,13 +36,13 @@ pub(crate) fn read_bytes(path: &Path) -> Result<Vec<u8>> {
     read_kind(path, FileKind::Model)
 }
 
-/// Text of at most `most` bytes from a source.
-pub(crate) fn text_of(source: &dyn AssetSource, name: &str, most: u64) -> Result<String> {
-    utf8(source.read(name, most)?, &source.display(name))
+/// Text of at most `max_bytes` bytes from a source.
+pub(crate) fn text_of(source: &dyn AssetSource, name: &str, max_bytes: u64) -> Result<String> {
+    utf8(source.read(name, max_bytes)?, &source.display(name))
 }
 
-/// An error from reading the file that `key` of the spec `file` names, with all three names; `way` is a
-/// further hint, or empty.
+/// Adds `file`, `key` and `name` to an error from reading the file that `key` of the spec `file` names. `way`
+/// is a further hint, or empty.
 pub(crate) fn of_key(file: &str, key: &str, name: &str, error: Error, way: &str) -> Error {
     match error {
         Error::Io { file: path, source } => Error::Io { file: format!("{file}: {key}: {path}"), source },

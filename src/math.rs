@@ -1,30 +1,30 @@
 //! Numerics that several models share: lookups on uniform axes, hashes, vectors, vectorizable functions, the
 //! Faddeeva function, the error function.
 //!
-//! Public for the crates of this workspace; a host needs nothing from here.
+//! The module is public for the crates of this workspace; a host needs nothing from here.
 
 pub mod axis;
 pub mod erf;
 pub mod faddeeva;
-pub(crate) mod half;
+pub mod half;
 pub mod hash;
-pub(crate) mod simd;
+pub mod simd;
 pub mod vec3;
 
 use simd::{max, min};
 
-/// The greatest f32 below 1.
+/// The largest f32 below 1.
 const BELOW_ONE: f32 = 1.0 - f32::EPSILON / 2.0;
 
-/// A random number, clamped to [0, 1): negative numbers and NaN become 0, 1 and more the greatest number
-/// below 1.
+/// A random number clamped to [0, 1): negative numbers and NaN become 0, and numbers of 1 or more become the
+/// largest number below 1.
 #[inline(always)]
 pub fn clamp_unit(u: f32) -> f32 {
     min(max(u, 0.0), BELOW_ONE)
 }
 
-/// The whole number at or below `x`, and the fraction in [0, 1]; for |x| < 2^31. `f32::floor` is a call into
-/// a library on processors without SSE 4.
+/// The integer at or below `x`, and the fraction in [0, 1], for |x| < 2^31. (`f32::floor` is a call into a
+/// library on processors without SSE 4.)
 #[inline(always)]
 pub fn floor_fraction(x: f32) -> (i32, f32) {
     let whole = x as i32;
@@ -39,7 +39,7 @@ mod tests {
     #[test]
     fn random_numbers_are_clamped_to_the_half_open_interval() {
         assert_eq!(BELOW_ONE, 1f32.next_down());
-        for (given, want) in [
+        for (input, want) in [
             (0.25, 0.25),
             (0.0, 0.0),
             (-1.0, 0.0),
@@ -48,7 +48,7 @@ mod tests {
             (f32::INFINITY, BELOW_ONE),
             (f32::NEG_INFINITY, 0.0),
         ] {
-            assert_eq!(clamp_unit(given), want, "{given}");
+            assert_eq!(clamp_unit(input), want, "{input}");
         }
     }
 

@@ -11,7 +11,7 @@ function copied(from, to, end) {
   return names;
 }
 
-/** Ply models, cloth specs with the models of their plies, and the list of both. */
+/** Ply models, cloth specs, and the list of both. */
 const models = {
   name: "models",
   closeBundle() {
@@ -19,7 +19,6 @@ const models = {
     const cloths = copied(`${fabrics}/cloths`, to, ".toml");
     // The page opens with the first: one that is made in a moment.
     const names = [...new Set(["jersey.toml", ...cloths, ...copied(`${fabrics}/models`, to, ".pwm")])];
-    copied(`${fabrics}/cloths/plies`, `${to}/plies`, ".pwm");
     writeFileSync(`${to}/index.json`, JSON.stringify(names));
   },
 };

@@ -8,6 +8,7 @@
 
 #![allow(clippy::undocumented_unsafe_blocks)] // Of all blocks: live pointers of the lengths that the calls ask for.
 
+use plywave::Document;
 use plywave::cloth::ClothOptions;
 use plywave::ply::Queries;
 use plywave::{Bsdf, ClothModel, ClothQuery, PlyModel, PlyQuery};

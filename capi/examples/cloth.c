@@ -117,9 +117,15 @@ int main(int argc, char **argv) {
     if (bytes == NULL || size < 400) return 1;
     refused("another file", plywave_cloth_load(argv[2], NULL, &cloth, &error), &cloth, &error);
     refused("truncated", plywave_cloth_from_memory(bytes, size / 2, "half", NULL, &cloth, &error), &cloth, &error);
-    const char *version = "version\\\":1";
-    for (size_t i = 0; i + 11 < 400; ++i)
-        if (memcmp(bytes + i, version, strlen(version)) == 0) bytes[i + strlen(version) - 1] = '9';
+    const char *version = "version\\\":";
+    size_t digit = 0;
+    for (size_t i = 0; i + strlen(version) < 400; ++i)
+        if (memcmp(bytes + i, version, strlen(version)) == 0) digit = i + strlen(version);
+    if (digit == 0) {
+        fprintf(stderr, "no version in the head of %s\n", argv[1]);
+        return 1;
+    }
+    bytes[digit] = '9';
     refused("another version", plywave_cloth_from_memory(bytes, size, "newer", NULL, &cloth, &error), &cloth, &error);
     free(bytes);
     return 0;

@@ -5,8 +5,8 @@
 //! cargo run --release -p plywave-capi --example reference -- [MODEL.pwm]
 //! ```
 
-use plywave::check::{CheckOptions, check_model};
 use plywave::{Bsdf, BsdfSample, PlyModel, PlyQuery};
+use plywave_check::{CheckOptions, check_model};
 use rand::{RngExt, SeedableRng};
 
 /// As C prints `%.8e`.

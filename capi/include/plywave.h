@@ -16,21 +16,21 @@
 #include <stddef.h>
 #include <stdint.h>
 
-// Version of this header's interface: it rises with every change that breaks already compiled programs
+// Version of this header's interface; it increases with every change that would break compiled programs
 // without an error.
 #define PLYWAVE_ABI_VERSION 1
 
 // Largest number of wavelengths or channels of a query.
 #define PLYWAVE_MAX_COUNT 4
 
-// Size of a prepared query in 64-bit words, without its tag: 11 KB with the tag, the size of the largest, a
-// cloth at four wavelengths.
+// Size of a prepared query in 64-bit words, without its tag. With the tag it is 11 KB: the size of the
+// largest prepared query, a cloth at four wavelengths.
 #define PLYWAVE_BSDF_WORDS 1392
 
 // Bytes of a message, including its final 0.
 #define PLYWAVE_MESSAGE_SIZE 496
 
-// Index of an error that is not about an entry of an array.
+// Index of an error that does not concern an entry of an array.
 #define PLYWAVE_NO_INDEX UINT64_MAX
 
 // Status of a call. Every function that can fail returns one; 0 is success.
@@ -39,7 +39,7 @@ enum PlywaveStatus
   : int32_t
 #endif // defined(__cplusplus) || __STDC_VERSION__ >= 202311L
  {
-    // Done.
+    // The call succeeded.
     PLYWAVE_STATUS_OK = 0,
     // A pointer that must not be null is null.
     PLYWAVE_STATUS_NULL_POINTER = 1,
@@ -56,9 +56,9 @@ enum PlywaveStatus
     PLYWAVE_STATUS_IO = 6,
     // A file is not of the expected format or version, or is damaged.
     PLYWAVE_STATUS_FORMAT = 7,
-    // A file is well formed and holds a value that is not allowed.
+    // A well-formed file contains a value that is not allowed.
     PLYWAVE_STATUS_INVALID_FILE = 8,
-    // A defect of the library, caught at the border. The outputs of the call are undefined; handles stay
+    // A defect of the library, caught at the boundary. The outputs of the call are undefined; handles stay
     // usable.
     PLYWAVE_STATUS_PANIC = 9,
 };
@@ -97,8 +97,8 @@ enum PlywaveColorOf
   : int32_t
 #endif // defined(__cplusplus) || __STDC_VERSION__ >= 202311L
  {
-    // The cloth under a uniform sky all around: reflected and transmitted light over the light that hits
-    // fibers.
+    // The cloth under a uniform sky in all directions: reflected and transmitted light relative to the light
+    // that hits fibers.
     PLYWAVE_COLOR_OF_EVEN_SKY = 0,
     // The cloth's face, lit from the viewer's side, with a dark background.
     PLYWAVE_COLOR_OF_REFLECTED = 1,
@@ -123,8 +123,8 @@ enum PlywaveOutcome
     PLYWAVE_OUTCOME_ABSORBED = 0,
     // The light is scattered into the direction w.
     PLYWAVE_OUTCOME_SCATTERED = 1,
-    // The light goes straight on, as if nothing were there: a delta. w is 0, pdf the probability of this
-    // outcome.
+    // The light passes straight through as if there were no model: a delta. w is 0, pdf the probability of
+    // this outcome.
     PLYWAVE_OUTCOME_STRAIGHT = 2,
 };
 #ifndef __cplusplus
@@ -162,7 +162,7 @@ enum PlywaveYarnColorKind
   : int32_t
 #endif // defined(__cplusplus) || __STDC_VERSION__ >= 202311L
  {
-    // No color: clear fibers.
+    // No color: non-absorbing fibers.
     PLYWAVE_YARN_COLOR_KIND_UNDYED = 0,
     // A color [sRGB, 0 to 1].
     PLYWAVE_YARN_COLOR_KIND_SRGB = 1,
@@ -190,9 +190,9 @@ typedef struct PlywavePly PlywavePly;
 typedef struct PlywaveSlit PlywaveSlit;
 
 // A model at a query. The caller provides the memory, usually on the stack; the library writes and reads its
-// content. It owns nothing and needs no release; it may be copied, moved, and read by many threads. It is
-// valid as long as the handles that it was prepared from: the model or cloth, and the slit and models of its
-// query.
+// content. A prepared query owns no memory and needs no release; it may be copied, moved, and read by many
+// threads. It is valid as long as the handles that it was prepared from: the model or cloth, and the slit
+// and models of its query.
 typedef struct PlywaveBsdf {
     // Identifies the prepared type.
     uint64_t tag;
@@ -205,9 +205,10 @@ typedef struct PlywaveBsdf {
 typedef struct PlywaveError {
     // The returned status: a `PlywaveStatus`.
     int32_t status;
-    // In a batch, the first invalid entry, before which all are done; else `PLYWAVE_NO_INDEX`.
+    // Index of the first invalid entry of a batch, before which all entries are processed; else
+    // `PLYWAVE_NO_INDEX`.
     uint64_t index;
-    // One line in UTF-8 that names file, key or argument, value and what is allowed; 0-terminated.
+    // One line in UTF-8 that names file, key or argument, value and allowed values; 0-terminated.
     char message[PLYWAVE_MESSAGE_SIZE];
 } PlywaveError;
 
@@ -217,20 +218,20 @@ typedef struct PlywaveSample {
     int32_t outcome;
     // Direction of scattered light, a unit vector.
     float w[3];
-    // f / pdf by wavelength, or the straight fraction over its probability; 0 beyond the count.
+    // f / pdf by wavelength, or the straight fraction divided by its probability; 0 beyond the count.
     float weight[PLYWAVE_MAX_COUNT];
-    // Density of the direction [1/sr], including the chance of being scattered; or the probability of going
-    // straight on.
+    // Density of the direction [1/sr], including the probability of scattering; or the probability that the
+    // light passes straight through.
     float pdf;
 } PlywaveSample;
 
-// Chances of the outcomes of sampling; they sum to 1.
+// Probabilities of the outcomes of sampling; they sum to 1.
 typedef struct PlywaveOutcomes {
-    // Chance of `PLYWAVE_OUTCOME_ABSORBED`.
+    // Probability of `PLYWAVE_OUTCOME_ABSORBED`.
     float absorbed;
-    // Chance of `PLYWAVE_OUTCOME_SCATTERED`: the integral of the pdf.
+    // Probability of `PLYWAVE_OUTCOME_SCATTERED`: the integral of the pdf.
     float scattered;
-    // Chance of `PLYWAVE_OUTCOME_STRAIGHT`.
+    // Probability of `PLYWAVE_OUTCOME_STRAIGHT`.
     float straight;
 } PlywaveOutcomes;
 
@@ -245,27 +246,28 @@ typedef struct PlywaveBsdfInfo {
     int32_t is_double;
     // For a cloth: whether the point lies in a gap, where the line hits no ply; 0 or 1.
     int32_t is_gap;
-    // For a ply: the fraction of the beam that hits no fiber; else 0.
+    // For a ply: the fraction of the beam that misses all fibers; else 0.
     float r_d;
-    // For a fiber: the width from which it intercepts light [um], by wavelength; else 0.
+    // For a fiber: the width over which it intercepts light [um], by wavelength; else 0.
     float width_um[PLYWAVE_MAX_COUNT];
 } PlywaveBsdfInfo;
 
-// Result of a check: the worst of its incidences.
+// Result of a check: the worst value over all incidences.
 typedef struct PlywaveReport {
-    // Greatest |integral of eval - albedo|.
+    // Largest |integral of eval - albedo|.
     double furnace_error;
-    // Greatest |integral of pdf - chance of being scattered|, or |sum of the chances of all outcomes - 1|.
+    // Largest |integral of pdf - probability of scattering|, or |sum of the probabilities of all outcomes -
+    // 1|.
     double pdf_error;
-    // Greatest |weight times pdf - eval| over the samples, relative to the greatest eval.
+    // Largest |weight times pdf - eval| over the samples, relative to the largest eval.
     double weight_error;
-    // Greatest |mean weight - albedo| in standard errors.
+    // Largest |mean weight - albedo| in standard errors.
     double sampled_furnace_se;
     // Smallest p-value of the samples against the pdf.
     double chi2_p;
     // Smallest p-value that passes.
     double chi2_threshold;
-    // Greatest |total energy - 1| at sigma = 0; 0 where it is not checked.
+    // Largest |total energy - 1| at sigma = 0; 0 if it is not checked.
     double kept_error;
     // Whether every number with a limit is within it; 0 or 1.
     int32_t passed;
@@ -283,38 +285,38 @@ typedef struct PlywavePlyReport {
     int32_t has_whole;
     // Whether the model has layer factors, so that `layers` is set; 0 or 1.
     int32_t has_layers;
-    // Greatest difference of eval from the values stored in the file, relative to the greatest of those
+    // Largest difference between eval and the values stored in the file, relative to the largest of those
     // values.
     double reference_error;
     // Whether everything passed; 0 or 1.
     int32_t passed;
 } PlywavePlyReport;
 
-// Options of a cloth's shading. Zeroed memory, or NULL in its place, is the whole model without speckle, in
-// the colors of the file.
+// Options of a cloth's shading. Zeroed memory, or NULL in its place, selects the complete model without
+// speckle, in the colors of the file.
 typedef struct PlywaveClothOptions {
-    // Not 0: light goes straight through gaps, as a delta. 0: gaps diffract it.
+    // Not 0: light passes straight through gaps, as a delta. 0: gaps diffract it.
     int32_t straight_gaps;
-    // Not 0: light that passes beside a ply goes straight on. 0: it is diffracted at its edge.
+    // Not 0: light that passes beside a ply continues straight. 0: the ply's edge diffracts it.
     int32_t no_edges;
     // Not 0: adds speckle in models that have noise.
     int32_t noise;
-    // Not 0: plies block no light that others send down. For comparison.
+    // Not 0: plies do not occlude light that others scatter down. For comparison.
     int32_t no_layers;
-    // Not 0: plies block no light that others send up. For comparison.
+    // Not 0: plies do not occlude light that others scatter up. For comparison.
     int32_t no_shadowing;
-    // Not 0: every repeat is as the next. 0: yarns are as uneven as the spec has them.
+    // Not 0: all repeats are identical. 0: yarns are as uneven as the spec states.
     int32_t no_uneven;
     // Not 0: plies are smooth tubes. 0: they show the fibers on their surface.
     int32_t no_relief;
-    // Not 0: footprints blur relief alone. 0: the mean over the cell, if the file has it, serves queries
-    // with a footprint.
+    // Not 0: footprints only blur relief. 0: queries with a footprint use the mean over the cell, if the
+    // file has it.
     int32_t no_far;
     // Not 0: `sigma_per_um` overrides all colors.
     int32_t has_sigma;
     // One absorption [1/um] at every wavelength for all yarns; 0 for a white furnace.
     float sigma_per_um;
-    // Not 0: all yarns have slits between their fibers by `slit_width_um` and `slit_share`, which override
+    // Not 0: all yarns have slits between their fibers with `slit_width_um` and `slit_share`, which override
     // those of the spec.
     int32_t has_slits;
     // Width of the slits [um], above 0 and at most 5.
@@ -325,11 +327,11 @@ typedef struct PlywaveClothOptions {
 
 // Description of a cloth.
 typedef struct PlywaveClothInfo {
-    // Two vectors of the plane after which the cloth repeats [um].
+    // Two vectors in the plane of the cloth that span its repeating cell [um].
     double cell_um[2][2];
-    // Greatest distance of any fiber from the middle plane [um].
+    // Largest distance of any fiber from the middle plane [um].
     float half_thickness_um;
-    // Kinds of yarns: 2, warp and weft, of a woven cloth, else 1.
+    // Number of kinds of yarns: 2, warp and weft, for a woven cloth, else 1.
     int32_t kinds;
     // Quantity that its colors refer to.
     PlywaveColorOf color_of;
@@ -339,7 +341,7 @@ typedef struct PlywaveClothInfo {
     uint64_t memory_bytes;
 } PlywaveClothInfo;
 
-// Color of the yarns of a kind, such as warp or weft. Zeroed memory means clear fibers.
+// Color of all yarns of one kind, such as warp or weft. Zeroed memory means non-absorbing fibers.
 typedef struct PlywaveYarnColor {
     // A `PlywaveYarnColorKind`.
     int32_t kind;
@@ -357,20 +359,20 @@ typedef struct PlywaveColorReach {
     double comes_out[3];
     // CIEDE2000 between the two; about 1 is just visible.
     double delta_e;
-    // Number of the 81 wavelengths at which the target was brighter than clear fibers, and darker than black
-    // ones.
+    // Numbers of the 81 wavelengths at which the target was brighter than non-absorbing fibers, and darker
+    // than black ones.
     uint32_t clamped[2];
 } PlywaveColorReach;
 
 // A query at a shading point of a cloth. Start from zeroed memory: 0 and NULL mean the default;
 // `count` and `wo` are required.
 //
-// The surface's frame: x along the weft (along u), y along the warp (along v), z the normal of the face; of
-// a knit x along the courses, y along the wales. Warp and weft are the first and the second kind of yarn of
-// a cloth; of a cloth with one kind, the weft's have no effect.
+// The surface's frame: x along the weft (along u), y along the warp (along v), z the normal of the face; for
+// a knit, x along the courses and y along the wales. Warp and weft are the first and the second kind of yarn
+// of a cloth; for a cloth with one kind, the values of the weft have no effect.
 typedef struct PlywaveClothQuery {
-    // Point in the plane of the cloth [um], each coordinate within 1e10 of 0: uv times the size of a unit
-    // of uv. Beyond 1e7, 10 m, consecutive f32 values are 1 um apart and more.
+    // Point in the plane of the cloth [um], each coordinate within 1e10 of 0: uv times the size of one unit
+    // of uv. Beyond 1e7 (10 m), consecutive f32 values are at least 1 um apart.
     float position_um[2];
     // Direction towards the viewer, unit.
     float wo[3];
@@ -381,19 +383,19 @@ typedef struct PlywaveClothQuery {
     float lambda_um[PLYWAVE_MAX_COUNT];
     // A `PlywaveChannels`.
     int32_t channels;
-    // Angle by which the pattern is turned about the normal at the point [rad], within 1e6 of 0, from x
-    // towards y. The position lies in the turned pattern's plane, in the surface's axes.
+    // Rotation of the pattern about the normal at the point [rad], within 1e6 of 0, from x towards y. The
+    // position lies in the plane of the rotated pattern, in the surface's axes.
     float turn_rad;
-    // `[count]` absorptions [1/um] of the warp at the point, for textures and prints, or NULL for its
-    // own. Read during the call only.
+    // `[count]` absorptions [1/um] of the warp at the point, for textures and prints, or NULL for the
+    // cloth's own. Read during the call only.
     const float *sigma_warp_per_um;
     // The same for the weft.
     const float *sigma_weft_per_um;
     // Models that override those of the warp and the weft, from `plywave_ply_of_lines`, of the same ply
     // radius and number of plies, or NULL. They must outlive the query prepared with them.
     const struct PlywavePly *models[2];
-    // Diameter of the area of cloth that the point represents [um], such as a pixel's footprint: beyond the
-    // size of the cell the mean over the cell is used, if the file has it (see `no_far` of the options). 0
+    // Diameter of the area of cloth that the query represents [um], such as a pixel's footprint. Beyond the
+    // size of the cell, the mean over the cell is used if the file has it (see `no_far` of the options). 0
     // for a point; never negative.
     float footprint_um;
 } PlywaveClothQuery;
@@ -408,36 +410,36 @@ typedef struct PlywaveFiberQuery {
     int32_t count;
     // Wavelengths [um]. All 0 with a count of 3: 0.612, 0.549 and 0.464, those of red, green and blue.
     float lambda_um[PLYWAVE_MAX_COUNT];
-    // Offset of the ray from the center line over half the fiber's width, -1 to 1, or NULL for the mean over
-    // all offsets. Tables contain only that mean. Read during the call only.
+    // Offset of the ray from the center line relative to half the fiber's width, -1 to 1, or NULL for the
+    // mean over all offsets. Tables contain only that mean. Read during the call only.
     const float *h_rel;
     // Absorption inside the fiber [1/um], by wavelength: the color of an analytic fiber. Tables ignore it,
-    // since they have their own.
+    // because they contain their own.
     float sigma_per_um[PLYWAVE_MAX_COUNT];
 } PlywaveFiberQuery;
 
 // Description of a ply model.
 typedef struct PlywavePlyInfo {
-    // Greater radius R of a ply [um].
+    // Larger radius R of a ply [um].
     double radius_um;
-    // Greatest offset |h| at which a beam can hit fibers [um].
+    // Largest offset |h| at which a beam can hit fibers [um].
     double h_limit_um;
-    // Greatest latitude of the nodes [rad]; beyond it, the last node is used.
+    // Largest latitude of the nodes [rad]; beyond it, the last node is used.
     double theta_limit;
-    // Greatest simulated absorption [1/um]; the model remains valid beyond it.
+    // Largest simulated absorption [1/um]; the model remains valid beyond it.
     double sigma_limit_per_um;
     // Waist w0 of the beam [um].
     double w0_um;
-    // Distance beyond which the beam counts as dark [um].
+    // Distance from the beam's center beyond which the beam counts as dark [um].
     double d_cut_um;
-    // Greatest difference of eval on this machine from the values stored in the file, relative to the
-    // greatest of them; up to 1e-3 is fine.
+    // Largest difference of eval on this machine from the values stored in the file, relative to the largest
+    // of them; values up to 1e-3 are fine.
     double reference_error;
     // Number of plies of the modeled yarn.
     int32_t plies;
-    // Number of single-reflection lobes.
+    // Number of f_refl lobes.
     int32_t lobes_refl;
-    // Number of lobes of other light.
+    // Number of f_high lobes.
     int32_t lobes_high;
     // Whether the model has edge lobes; 0 or 1.
     int32_t has_edge;
@@ -459,16 +461,16 @@ typedef struct PlywaveLayer {
     float transmitted_diffuse[PLYWAVE_MAX_COUNT];
 } PlywaveLayer;
 
-// A place on a ply, whose relief and speckle are asked.
+// A position on a ply, which determines its relief and its speckle.
 typedef struct PlywavePlace {
-    // Number of the ply: others have other fibers.
+    // Number of the ply: plies of different numbers have different fibers.
     uint32_t ply_id;
-    // Azimuth of the viewer, the frame's y axis, among the fibers [rad]: about the ply's axis, from an axis
-    // that turns with the twist, counterclockwise as seen from the end of the z axis.
+    // Azimuth of the viewer, the frame's y axis, relative to the fibers [rad]: about the ply's axis, from an
+    // axis that turns with the twist, counterclockwise as seen from the end of the z axis.
     float azimuth;
-    // Place along the ply's axis [um], from any origin that is the same all along the ply.
+    // Position along the ply's axis [um], from any origin that is the same for the whole ply.
     float along_um;
-    // Diameter of the part of the ply that the query stands for [um]; 0 for a point.
+    // Diameter of the part of the ply that the query represents [um]; 0 for a point.
     float footprint_um;
 } PlywavePlace;
 
@@ -487,20 +489,20 @@ typedef struct PlywavePlyQuery {
     float sigma_per_um[PLYWAVE_MAX_COUNT];
     // Wavelengths [um]. All 0 with a count of 3: 0.612, 0.549 and 0.464, those of red, green and blue.
     float lambda_um[PLYWAVE_MAX_COUNT];
-    // Not 0: light that passes beside the ply goes straight on. 0: it is diffracted at the ply's edge, where
-    // the model has edge lobes.
+    // Not 0: light that passes beside the ply continues straight. 0: the ply's edge diffracts it, if the
+    // model has edge lobes.
     int32_t no_edge;
     // Not 0: every call interpolates the lobes again. 0: `plywave_ply_at` interpolates them once. Batches of
-    // queries are uncached in either case.
+    // queries interpolate them for each query in either case.
     int32_t uncached;
-    // Not 0: no relief. 0: with a place, the fibers on the ply's surface show.
+    // Not 0: no relief. 0: with a position, the fibers on the ply's surface are visible.
     int32_t no_relief;
-    // Not 0: no speckle. 0: with a place, a model with noise has speckle.
+    // Not 0: no speckle. 0: with a position, a model with noise has speckle.
     int32_t no_speckle;
     // Small gaps between the fibers, or NULL. Must outlive the query prepared with it.
     const struct PlywaveSlit *slit;
-    // Place on the ply, for its relief and its speckle, or NULL for the smooth model. Read during the call
-    // only.
+    // Position on the ply, for its relief and its speckle, or NULL for the smooth model. Read during the
+    // call only.
     const struct PlywavePlace *place;
     // A second layer below, or NULL. Read during the call only. It has no effect for a model without layer
     // factors.
@@ -587,11 +589,11 @@ PlywaveStatus plywave_ply_check(const struct PlywavePly *ply,
                                 struct PlywavePlyReport *found,
                                 struct PlywaveError *error);
 
-// Checks a prepared query with `samples` samples and random numbers of `seed`. The integrals use steps that
-// resolve features of `sd_rad` (0.001 to 1) along latitude and azimuth: 0.01 suits most models. It passes
-// with weight times pdf = eval within 1e-3 and a p-value of 1e-4 or more; for plies and fibers, furnace and
-// integral of the pdf must also be within 1e-3. The furnace of a single point of a cloth differs as its
-// shadows differ from their mean, and is only reported.
+// Checks a prepared query with `samples` samples and random numbers of `seed`. The steps of the integrals
+// resolve features of width `sd_rad` (0.001 to 1) along latitude and azimuth; 0.01 suits most models. The
+// check passes if weight times pdf equals eval within 1e-3 and the p-value is 1e-4 or more; for plies and
+// fibers, furnace and integral of the pdf must also be within 1e-3. For a single point of a cloth the
+// furnace is reported without a limit, because the point's shadows differ from their mean.
 PlywaveStatus plywave_bsdf_check(const struct PlywaveBsdf *bsdf,
                                  double sd_rad,
                                  size_t samples,
@@ -599,8 +601,8 @@ PlywaveStatus plywave_bsdf_check(const struct PlywaveBsdf *bsdf,
                                  struct PlywaveReport *found,
                                  struct PlywaveError *error);
 
-// Reads a cloth file (.pwc), which `plywave weave` makes of a cloth spec, in some 10 ms. `path` is UTF-8;
-// `options` may be NULL. On an error `*out` is NULL. Release it with `plywave_cloth_free`.
+// Reads a cloth file (.pwc), which `plywave weave` writes from a cloth spec, in about 10 ms. `path` is
+// UTF-8; `options` may be NULL. On an error `*out` is NULL. Release the cloth with `plywave_cloth_free`.
 PlywaveStatus plywave_cloth_load(const char *path,
                                  const struct PlywaveClothOptions *options,
                                  struct PlywaveCloth **out,
@@ -622,24 +624,24 @@ PlywaveStatus plywave_cloth_info(const struct PlywaveCloth *cloth,
                                  struct PlywaveClothInfo *info,
                                  struct PlywaveError *error);
 
-// Name of a cloth, as its spec has it. The buffer works as in `plywave_ply_spec`.
+// Name of a cloth, from its spec. The buffer works as in `plywave_ply_spec`.
 PlywaveStatus plywave_cloth_name(const struct PlywaveCloth *cloth,
                                  char *buffer,
                                  size_t size,
                                  size_t *length,
                                  struct PlywaveError *error);
 
-// Notes on a cloth, one per line: effects that the options ask for and that the file does not have. The
-// buffer works as in `plywave_ply_spec`.
+// Notes on a cloth, one per line: effects that the options request but the file does not contain. The buffer
+// works as in `plywave_ply_spec`.
 PlywaveStatus plywave_cloth_notes(const struct PlywaveCloth *cloth,
                                   char *buffer,
                                   size_t size,
                                   size_t *length,
                                   struct PlywaveError *error);
 
-// The same cloth in other colors, as a new handle, without tracing again: `colors` `[n]`, one for each kind
-// of yarn. `color_of` is a `PlywaveColorOf`; if it differs from the cloth's, the call takes tenths of a
-// second.
+// The same cloth in other colors, as a new handle, without a new precomputation: `colors` `[n]`, one for
+// each kind of yarn. `color_of` is a `PlywaveColorOf`; if it differs from the cloth's, the call takes tenths
+// of a second.
 PlywaveStatus plywave_cloth_with_colors(const struct PlywaveCloth *cloth,
                                         const struct PlywaveYarnColor *colors,
                                         size_t n,
@@ -647,8 +649,8 @@ PlywaveStatus plywave_cloth_with_colors(const struct PlywaveCloth *cloth,
                                         struct PlywaveCloth **out,
                                         struct PlywaveError *error);
 
-// The distinct colors of the cloth, each as target and result: the first `capacity` to `colors`, the total
-// number to `*count`.
+// The distinct colors of the cloth, each as target and reached color: writes the first `capacity` of them to
+// `colors` and their total number to `*count`.
 PlywaveStatus plywave_cloth_colors(const struct PlywaveCloth *cloth,
                                    struct PlywaveColorReach *colors,
                                    size_t capacity,
@@ -704,8 +706,8 @@ PlywaveStatus plywave_cloth_model(const struct PlywaveCloth *cloth,
 // error `*out` is NULL. Release it with `plywave_fiber_free`.
 PlywaveStatus plywave_fiber_load(const char *path, struct PlywaveFiber **out, struct PlywaveError *error);
 
-// Like `plywave_fiber_load`, but from the `size` bytes of a file; `name` identifies it in messages, and ends
-// in `.toml` for a spec.
+// Like `plywave_fiber_load`, but from the `size` bytes of a file; `name` identifies the file in messages and
+// ends in `.toml` for a spec.
 PlywaveStatus plywave_fiber_from_bytes(const uint8_t *bytes,
                                        size_t size,
                                        const char *name,
@@ -715,22 +717,22 @@ PlywaveStatus plywave_fiber_from_bytes(const uint8_t *bytes,
 // Releases a fiber; NULL is allowed. No prepared query and no call may use it afterwards.
 void plywave_fiber_free(struct PlywaveFiber *fiber);
 
-// Diameter of the cylinder outside which no ray is scattered by the fiber, for any direction and wavelength
-// [um].
+// Diameter [um] of the cylinder that contains all rays which the fiber scatters, over all directions and
+// wavelengths.
 PlywaveStatus plywave_fiber_max_width(const struct PlywaveFiber *fiber,
                                       float *max_width_um,
                                       struct PlywaveError *error);
 
-// Color of an analytic fiber from its spec: three wavelengths [um] to `lambda_um` `[3]`, the absorption at
-// them [1/um] to `sigma_per_um` `[3]`, as a query takes them. All are 0 for a table, which has its own
-// color.
+// Color of an analytic fiber from its spec, in the form of a query: writes three wavelengths [um] to
+// `lambda_um` `[3]` and the absorptions at these [1/um] to `sigma_per_um` `[3]`. All are 0 for a table,
+// which contains its own absorption.
 PlywaveStatus plywave_fiber_color(const struct PlywaveFiber *fiber,
                                   float *lambda_um,
                                   float *sigma_per_um,
                                   struct PlywaveError *error);
 
 // Prepares the fiber at a query for any number of directions. On an error `bsdf` is not prepared, whatever
-// it held before. `plywave_bsdf_info` has the widths from which the fiber intercepts light.
+// it held before. `plywave_bsdf_info` returns the widths over which the fiber intercepts light.
 PlywaveStatus plywave_fiber_at(const struct PlywaveFiber *fiber,
                                const struct PlywaveFiberQuery *query,
                                struct PlywaveBsdf *bsdf,
@@ -770,8 +772,9 @@ PlywaveStatus plywave_ply_from_bytes(const uint8_t *bytes,
                                      struct PlywavePly **out,
                                      struct PlywaveError *error);
 
-// The ply of a model lit along single lines instead of a beam, for `PlywaveClothQuery.models`: its missed
-// light is the chance that a line misses, not the mean over a beam. Release it with `plywave_ply_free`.
+// The ply of a model illuminated along single lines instead of a beam, for `PlywaveClothQuery.models`: its
+// missed light is the probability that a line misses all fibers, not the mean over a beam. Release it with
+// `plywave_ply_free`.
 PlywaveStatus plywave_ply_of_lines(const struct PlywavePly *ply, struct PlywavePly **out, struct PlywaveError *error);
 
 // Releases a model; NULL is allowed. No prepared query and no call may use it afterwards.
@@ -781,16 +784,16 @@ void plywave_ply_free(struct PlywavePly *ply);
 PlywaveStatus plywave_ply_info(const struct PlywavePly *ply, struct PlywavePlyInfo *info, struct PlywaveError *error);
 
 // Copies the text of the yarn spec that a model was made from, with a final 0, to a buffer of `size` bytes;
-// its length without that 0 goes to `*length`, which may be NULL. With `PLYWAVE_STATUS_BUFFER_TOO_SMALL`, as
-// with NULL and 0, `*length` + 1 bytes are needed.
+// its length without that 0 goes to `*length`, which may be NULL. `PLYWAVE_STATUS_BUFFER_TOO_SMALL`, which a
+// NULL buffer of size 0 returns too, means that `*length` + 1 bytes are needed.
 PlywaveStatus plywave_ply_spec(const struct PlywavePly *ply,
                                char *buffer,
                                size_t size,
                                size_t *length,
                                struct PlywaveError *error);
 
-// A layer of this ply's yarns at a latitude [rad], for `count` absorptions [1/um], to lie below another ply.
-// `PLYWAVE_STATUS_MISSING` for a model without layer factors.
+// A layer of this ply's yarns at a latitude [rad], for `count` absorptions [1/um], for use below another
+// ply. The status is `PLYWAVE_STATUS_MISSING` for a model without layer factors.
 PlywaveStatus plywave_ply_layer(const struct PlywavePly *ply,
                                 float theta_i,
                                 int32_t count,
@@ -840,8 +843,8 @@ PlywaveStatus plywave_ply_sample_batch(const struct PlywavePly *ply,
 
 // f_refl + f_high alone, without edge light, of `n` queries as arrays: `theta_i` `[n]` [rad], `h_um` `[n]`,
 // `sigma_per_um` `[n][count]`, components of the directions `x`, `y`, `z` `[n]`, to `f` `[n][count]` [1/sr].
-// This is the fastest way to evaluate many queries: it processes 16 at a time. Entries are not checked: if a
-// number is not finite, f is 0, as for a missed ply.
+// This is the fastest way to evaluate many queries: it processes 16 at a time. Entries are not checked: an
+// infinite number or NaN gives f = 0, the value for a missed ply.
 PlywaveStatus plywave_ply_lobes_batch(const struct PlywavePly *ply,
                                       size_t n,
                                       int32_t count,

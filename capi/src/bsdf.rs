@@ -6,19 +6,20 @@ use crate::pointer::{
 };
 use crate::status::{AtIndex, Checked, PlywaveError, PlywaveStatus, failure, guard};
 use plywave::cloth::ClothBsdf;
-use plywave::{Bsdf, BsdfSample, FiberBsdf, PlyBsdf};
+use plywave::{Bsdf, BsdfSample, PlyBsdf};
+use plywave_fiber::FiberBsdf;
 
 /// Largest number of wavelengths or channels of a query.
 pub const PLYWAVE_MAX_COUNT: usize = 4;
 
-/// Size of a prepared query in 64-bit words, without its tag: 11 KB with the tag, the size of the largest, a
-/// cloth at four wavelengths.
+/// Size of a prepared query in 64-bit words, without its tag. With the tag it is 11 KB: the size of the
+/// largest prepared query, a cloth at four wavelengths.
 pub const PLYWAVE_BSDF_WORDS: usize = 1392;
 
 /// A model at a query. The caller provides the memory, usually on the stack; the library writes and reads its
-/// content. It owns nothing and needs no release; it may be copied, moved, and read by many threads. It is
-/// valid as long as the handles that it was prepared from: the model or cloth, and the slit and models of its
-/// query.
+/// content. A prepared query owns no memory and needs no release; it may be copied, moved, and read by many
+/// threads. It is valid as long as the handles that it was prepared from: the model or cloth, and the slit
+/// and models of its query.
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct PlywaveBsdf {
@@ -36,8 +37,8 @@ pub enum PlywaveOutcome {
     Absorbed = 0,
     /// The light is scattered into the direction w.
     Scattered = 1,
-    /// The light goes straight on, as if nothing were there: a delta. w is 0, pdf the probability of this
-    /// outcome.
+    /// The light passes straight through as if there were no model: a delta. w is 0, pdf the probability of
+    /// this outcome.
     Straight = 2,
 }
 
@@ -49,22 +50,22 @@ pub struct PlywaveSample {
     pub outcome: i32,
     /// Direction of scattered light, a unit vector.
     pub w: [f32; 3],
-    /// f / pdf by wavelength, or the straight fraction over its probability; 0 beyond the count.
+    /// f / pdf by wavelength, or the straight fraction divided by its probability; 0 beyond the count.
     pub weight: [f32; PLYWAVE_MAX_COUNT],
-    /// Density of the direction [1/sr], including the chance of being scattered; or the probability of going
-    /// straight on.
+    /// Density of the direction [1/sr], including the probability of scattering; or the probability that the
+    /// light passes straight through.
     pub pdf: f32,
 }
 
-/// Chances of the outcomes of sampling; they sum to 1.
+/// Probabilities of the outcomes of sampling; they sum to 1.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PlywaveOutcomes {
-    /// Chance of `PLYWAVE_OUTCOME_ABSORBED`.
+    /// Probability of `PLYWAVE_OUTCOME_ABSORBED`.
     pub absorbed: f32,
-    /// Chance of `PLYWAVE_OUTCOME_SCATTERED`: the integral of the pdf.
+    /// Probability of `PLYWAVE_OUTCOME_SCATTERED`: the integral of the pdf.
     pub scattered: f32,
-    /// Chance of `PLYWAVE_OUTCOME_STRAIGHT`.
+    /// Probability of `PLYWAVE_OUTCOME_STRAIGHT`.
     pub straight: f32,
 }
 
@@ -93,13 +94,13 @@ pub struct PlywaveBsdfInfo {
     pub is_double: i32,
     /// For a cloth: whether the point lies in a gap, where the line hits no ply; 0 or 1.
     pub is_gap: i32,
-    /// For a ply: the fraction of the beam that hits no fiber; else 0.
+    /// For a ply: the fraction of the beam that misses all fibers; else 0.
     pub r_d: f32,
-    /// For a fiber: the width from which it intercepts light [um], by wavelength; else 0.
+    /// For a fiber: the width over which it intercepts light [um], by wavelength; else 0.
     pub width_um: [f32; PLYWAVE_MAX_COUNT],
 }
 
-/// First half of every tag: memory that was not prepared is unlikely to hold it.
+/// First half of every tag; uninitialized memory is unlikely to contain it.
 const MARK: u64 = 0x706c_7977 << 32;
 
 /// Tag of a model of a kind at N wavelengths.
@@ -107,7 +108,7 @@ pub(crate) const fn tag(kind: PlywaveKind, count: usize) -> u64 {
     MARK | (kind as u64) << 8 | count as u64
 }
 
-/// A type that the memory of a prepared query may hold.
+/// A type that the memory of a prepared query may contain.
 ///
 /// # Safety
 /// The type is plain data: no destructor, no reference into itself, and `TAG` belongs to this type alone.
@@ -159,7 +160,7 @@ pub(crate) unsafe fn unprepare(bsdf: *mut PlywaveBsdf) {
     }
 }
 
-/// The tag in the caller's memory, which may never have been written.
+/// Reads the tag in the caller's memory, which may never have been written.
 #[inline(always)]
 pub(crate) unsafe fn tag_of(bsdf: *const PlywaveBsdf) -> Checked<u64> {
     pointer(bsdf, "bsdf")?;
@@ -168,7 +169,7 @@ pub(crate) unsafe fn tag_of(bsdf: *const PlywaveBsdf) -> Checked<u64> {
     Ok(unsafe { (&raw const (*bsdf).tag).read_volatile() })
 }
 
-/// The prepared value as `T`.
+/// The content of a prepared query as `T`.
 #[inline(always)]
 pub(crate) unsafe fn as_prepared<'a, T: Prepared>(bsdf: *const PlywaveBsdf) -> &'a T {
     // SAFETY: its tag is that of T, so `prepare` wrote a T there.
@@ -256,7 +257,8 @@ pub(crate) fn padded<const N: usize>(values: [f32; N]) -> [f32; PLYWAVE_MAX_COUN
     std::array::from_fn(|k| values.get(k).copied().unwrap_or(0.0))
 }
 
-/// Copies a sample to the caller's memory, number by number, so that none goes through memory twice.
+/// Copies a sample to the caller's memory, number by number, so that each number passes through memory only
+/// once.
 #[inline(always)]
 pub(crate) unsafe fn put_sample<const N: usize>(to: *mut PlywaveSample, sample: BsdfSample<N>) -> Checked {
     pointer(to, "sample")?;

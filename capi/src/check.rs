@@ -5,32 +5,34 @@ use crate::bsdf::{PlywaveBsdf, Prepared, as_prepared, not_prepared, tag_of, with
 use crate::ply::PlywavePly;
 use crate::pointer::{put, reference};
 use crate::status::{Checked, PlywaveError, PlywaveStatus, guard, invalid};
-use plywave::check::{
+use plywave::PlyBsdf;
+use plywave::cloth::ClothBsdf;
+use plywave_check::{
     BsdfReport, CheckOptions, FURNACE_TOLERANCE, KEPT_TOLERANCE, LAYER_TOLERANCE, PartReport, SAMPLED_TOLERANCE_SE,
     WEIGHT_TOLERANCE, check_bsdf, check_layers, check_model, check_whole,
 };
-use plywave::cloth::ClothBsdf;
-use plywave::{FiberBsdf, PlyBsdf};
+use plywave_fiber::FiberBsdf;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 
-/// Result of a check: the worst of its incidences.
+/// Result of a check: the worst value over all incidences.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct PlywaveReport {
-    /// Greatest |integral of eval - albedo|.
+    /// Largest |integral of eval - albedo|.
     pub furnace_error: f64,
-    /// Greatest |integral of pdf - chance of being scattered|, or |sum of the chances of all outcomes - 1|.
+    /// Largest |integral of pdf - probability of scattering|, or |sum of the probabilities of all outcomes -
+    /// 1|.
     pub pdf_error: f64,
-    /// Greatest |weight times pdf - eval| over the samples, relative to the greatest eval.
+    /// Largest |weight times pdf - eval| over the samples, relative to the largest eval.
     pub weight_error: f64,
-    /// Greatest |mean weight - albedo| in standard errors.
+    /// Largest |mean weight - albedo| in standard errors.
     pub sampled_furnace_se: f64,
     /// Smallest p-value of the samples against the pdf.
     pub chi2_p: f64,
     /// Smallest p-value that passes.
     pub chi2_threshold: f64,
-    /// Greatest |total energy - 1| at sigma = 0; 0 where it is not checked.
+    /// Largest |total energy - 1| at sigma = 0; 0 if it is not checked.
     pub kept_error: f64,
     /// Whether every number with a limit is within it; 0 or 1.
     pub passed: i32,
@@ -50,7 +52,7 @@ pub struct PlywavePlyReport {
     pub has_whole: i32,
     /// Whether the model has layer factors, so that `layers` is set; 0 or 1.
     pub has_layers: i32,
-    /// Greatest difference of eval from the values stored in the file, relative to the greatest of those
+    /// Largest difference between eval and the values stored in the file, relative to the largest of those
     /// values.
     pub reference_error: f64,
     /// Whether everything passed; 0 or 1.
@@ -77,7 +79,7 @@ fn report(r: &BsdfReport, chi2_threshold: f64, kept_error: f64) -> PlywaveReport
     }
 }
 
-/// Report of a part of a model with the limits of the command line: its sampled energy counts only where the
+/// Report on a part of a model with the limits of `plywave check`: the sampled energy has a limit only if the
 /// furnace is exact.
 fn part(found: Option<PartReport>, furnace: f64, is_sampled: bool) -> (PlywaveReport, bool) {
     let Some(p) = found else { return (PlywaveReport::default(), false) };
@@ -137,11 +139,11 @@ pub unsafe extern "C" fn plywave_ply_check(
     })
 }
 
-/// Checks a prepared query with `samples` samples and random numbers of `seed`. The integrals use steps that
-/// resolve features of `sd_rad` (0.001 to 1) along latitude and azimuth: 0.01 suits most models. It passes
-/// with weight times pdf = eval within 1e-3 and a p-value of 1e-4 or more; for plies and fibers, furnace and
-/// integral of the pdf must also be within 1e-3. The furnace of a single point of a cloth differs as its
-/// shadows differ from their mean, and is only reported.
+/// Checks a prepared query with `samples` samples and random numbers of `seed`. The steps of the integrals
+/// resolve features of width `sd_rad` (0.001 to 1) along latitude and azimuth; 0.01 suits most models. The
+/// check passes if weight times pdf equals eval within 1e-3 and the p-value is 1e-4 or more; for plies and
+/// fibers, furnace and integral of the pdf must also be within 1e-3. For a single point of a cloth the
+/// furnace is reported without a limit, because the point's shadows differ from their mean.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn plywave_bsdf_check(
     bsdf: *const PlywaveBsdf,
@@ -169,7 +171,7 @@ pub unsafe extern "C" fn plywave_bsdf_check(
     })
 }
 
-/// Limits at one point.
+/// Limits for the check of a single query.
 const POINT_WEIGHT_TOLERANCE: f64 = 1e-3;
 const POINT_CHI2_THRESHOLD: f64 = 1e-4;
 

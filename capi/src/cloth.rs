@@ -1,4 +1,4 @@
-//! Cloths of curves, from their files.
+//! Cloths: loading from files, shading options, colors, queries and batches.
 
 use crate::bsdf::{PlywaveBsdf, PlywaveSample, prepare, unprepare};
 use crate::cloth_query::{PlywaveClothQuery, query_of};
@@ -8,6 +8,7 @@ use crate::pointer::{disjoint, optional, pointer, put, put_text, reference, slic
 use crate::queries::{by_count, count_of, eval_queries, hand_out, sample_queries, take_back};
 use crate::status::{AtIndex, Checked, PlywaveError, PlywaveStatus, guard, invalid};
 use plywave::Bsdf;
+use plywave::Document;
 use plywave::cloth::{ClothData, ClothModel, ClothOptions, GapLight, Slits};
 use plywave::gap::SLIT_MAX_UM;
 use std::ffi::c_char;
@@ -24,33 +25,33 @@ const _: () = {
     is_send_sync::<PlywaveCloth>();
 };
 
-/// Options of a cloth's shading. Zeroed memory, or NULL in its place, is the whole model without speckle, in
-/// the colors of the file.
+/// Options of a cloth's shading. Zeroed memory, or NULL in its place, selects the complete model without
+/// speckle, in the colors of the file.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PlywaveClothOptions {
-    /// Not 0: light goes straight through gaps, as a delta. 0: gaps diffract it.
+    /// Not 0: light passes straight through gaps, as a delta. 0: gaps diffract it.
     pub straight_gaps: i32,
-    /// Not 0: light that passes beside a ply goes straight on. 0: it is diffracted at its edge.
+    /// Not 0: light that passes beside a ply continues straight. 0: the ply's edge diffracts it.
     pub no_edges: i32,
     /// Not 0: adds speckle in models that have noise.
     pub noise: i32,
-    /// Not 0: plies block no light that others send down. For comparison.
+    /// Not 0: plies do not occlude light that others scatter down. For comparison.
     pub no_layers: i32,
-    /// Not 0: plies block no light that others send up. For comparison.
+    /// Not 0: plies do not occlude light that others scatter up. For comparison.
     pub no_shadowing: i32,
-    /// Not 0: every repeat is as the next. 0: yarns are as uneven as the spec has them.
+    /// Not 0: all repeats are identical. 0: yarns are as uneven as the spec states.
     pub no_uneven: i32,
     /// Not 0: plies are smooth tubes. 0: they show the fibers on their surface.
     pub no_relief: i32,
-    /// Not 0: footprints blur relief alone. 0: the mean over the cell, if the file has it, serves queries
-    /// with a footprint.
+    /// Not 0: footprints only blur relief. 0: queries with a footprint use the mean over the cell, if the
+    /// file has it.
     pub no_far: i32,
     /// Not 0: `sigma_per_um` overrides all colors.
     pub has_sigma: i32,
     /// One absorption [1/um] at every wavelength for all yarns; 0 for a white furnace.
     pub sigma_per_um: f32,
-    /// Not 0: all yarns have slits between their fibers by `slit_width_um` and `slit_share`, which override
+    /// Not 0: all yarns have slits between their fibers with `slit_width_um` and `slit_share`, which override
     /// those of the spec.
     pub has_slits: i32,
     /// Width of the slits [um], above 0 and at most 5.
@@ -63,11 +64,11 @@ pub struct PlywaveClothOptions {
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PlywaveClothInfo {
-    /// Two vectors of the plane after which the cloth repeats [um].
+    /// Two vectors in the plane of the cloth that span its repeating cell [um].
     pub cell_um: [[f64; 2]; 2],
-    /// Greatest distance of any fiber from the middle plane [um].
+    /// Largest distance of any fiber from the middle plane [um].
     pub half_thickness_um: f32,
-    /// Kinds of yarns: 2, warp and weft, of a woven cloth, else 1.
+    /// Number of kinds of yarns: 2, warp and weft, for a woven cloth, else 1.
     pub kinds: i32,
     /// Quantity that its colors refer to.
     pub color_of: PlywaveColorOf,
@@ -111,8 +112,8 @@ fn handle_of(data: ClothData, options: Option<&PlywaveClothOptions>) -> Checked<
     Ok(PlywaveCloth { cloth: ClothModel::from_data(data, &options)?, name, notes })
 }
 
-/// Reads a cloth file (.pwc), which `plywave weave` makes of a cloth spec, in some 10 ms. `path` is UTF-8;
-/// `options` may be NULL. On an error `*out` is NULL. Release it with `plywave_cloth_free`.
+/// Reads a cloth file (.pwc), which `plywave weave` writes from a cloth spec, in about 10 ms. `path` is
+/// UTF-8; `options` may be NULL. On an error `*out` is NULL. Release the cloth with `plywave_cloth_free`.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn plywave_cloth_load(
     path: *const c_char,
@@ -184,7 +185,7 @@ pub unsafe extern "C" fn plywave_cloth_info(
     })
 }
 
-/// Name of a cloth, as its spec has it. The buffer works as in `plywave_ply_spec`.
+/// Name of a cloth, from its spec. The buffer works as in `plywave_ply_spec`.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn plywave_cloth_name(
     cloth: *const PlywaveCloth,
@@ -199,8 +200,8 @@ pub unsafe extern "C" fn plywave_cloth_name(
     })
 }
 
-/// Notes on a cloth, one per line: effects that the options ask for and that the file does not have. The
-/// buffer works as in `plywave_ply_spec`.
+/// Notes on a cloth, one per line: effects that the options request but the file does not contain. The buffer
+/// works as in `plywave_ply_spec`.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn plywave_cloth_notes(
     cloth: *const PlywaveCloth,
@@ -215,9 +216,9 @@ pub unsafe extern "C" fn plywave_cloth_notes(
     })
 }
 
-/// The same cloth in other colors, as a new handle, without tracing again: `colors` `[n]`, one for each kind
-/// of yarn. `color_of` is a `PlywaveColorOf`; if it differs from the cloth's, the call takes tenths of a
-/// second.
+/// The same cloth in other colors, as a new handle, without a new precomputation: `colors` `[n]`, one for
+/// each kind of yarn. `color_of` is a `PlywaveColorOf`; if it differs from the cloth's, the call takes tenths
+/// of a second.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn plywave_cloth_with_colors(
     cloth: *const PlywaveCloth,
@@ -244,8 +245,8 @@ pub unsafe extern "C" fn plywave_cloth_with_colors(
     })
 }
 
-/// The distinct colors of the cloth, each as target and result: the first `capacity` to `colors`, the total
-/// number to `*count`.
+/// The distinct colors of the cloth, each as target and reached color: writes the first `capacity` of them to
+/// `colors` and their total number to `*count`.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn plywave_cloth_colors(
     cloth: *const PlywaveCloth,
@@ -279,8 +280,8 @@ pub unsafe extern "C" fn plywave_cloth_sigma_of_reflectance(
     guard(error, || {
         // SAFETY: the caller's pointers, as documented.
         let of = unsafe {
-            // One by one through pointers: the two may be the same array, and then slices of both must not
-            // exist.
+            // The elements are accessed one by one through pointers: both arrays may be the same, and then
+            // slices of both must not exist.
             for (i, r) in slice(reflectance, n, "reflectance")?.iter().enumerate() {
                 if !(0.0..=1.0).contains(r) {
                     return Err(invalid("reflectance", r, "a number in [0, 1]")).at(i);

@@ -1,4 +1,4 @@
-//! Queries of cloths.
+//! Queries of cloths in C's layout, and their conversion.
 
 use crate::bsdf::PLYWAVE_MAX_COUNT;
 use crate::ply::PlywavePly;
@@ -23,14 +23,14 @@ pub enum PlywaveChannels {
 /// A query at a shading point of a cloth. Start from zeroed memory: 0 and NULL mean the default;
 /// `count` and `wo` are required.
 ///
-/// The surface's frame: x along the weft (along u), y along the warp (along v), z the normal of the face; of
-/// a knit x along the courses, y along the wales. Warp and weft are the first and the second kind of yarn of
-/// a cloth; of a cloth with one kind, the weft's have no effect.
+/// The surface's frame: x along the weft (along u), y along the warp (along v), z the normal of the face; for
+/// a knit, x along the courses and y along the wales. Warp and weft are the first and the second kind of yarn
+/// of a cloth; for a cloth with one kind, the values of the weft have no effect.
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]
 pub struct PlywaveClothQuery {
-    /// Point in the plane of the cloth [um], each coordinate within 1e10 of 0: uv times the size of a unit
-    /// of uv. Beyond 1e7, 10 m, consecutive f32 values are 1 um apart and more.
+    /// Point in the plane of the cloth [um], each coordinate within 1e10 of 0: uv times the size of one unit
+    /// of uv. Beyond 1e7 (10 m), consecutive f32 values are at least 1 um apart.
     pub position_um: [f32; 2],
     /// Direction towards the viewer, unit.
     pub wo: [f32; 3],
@@ -41,19 +41,19 @@ pub struct PlywaveClothQuery {
     pub lambda_um: [f32; PLYWAVE_MAX_COUNT],
     /// A `PlywaveChannels`.
     pub channels: i32,
-    /// Angle by which the pattern is turned about the normal at the point [rad], within 1e6 of 0, from x
-    /// towards y. The position lies in the turned pattern's plane, in the surface's axes.
+    /// Rotation of the pattern about the normal at the point [rad], within 1e6 of 0, from x towards y. The
+    /// position lies in the plane of the rotated pattern, in the surface's axes.
     pub turn_rad: f32,
-    /// `[count]` absorptions [1/um] of the warp at the point, for textures and prints, or NULL for its
-    /// own. Read during the call only.
+    /// `[count]` absorptions [1/um] of the warp at the point, for textures and prints, or NULL for the
+    /// cloth's own. Read during the call only.
     pub sigma_warp_per_um: *const f32,
     /// The same for the weft.
     pub sigma_weft_per_um: *const f32,
     /// Models that override those of the warp and the weft, from `plywave_ply_of_lines`, of the same ply
     /// radius and number of plies, or NULL. They must outlive the query prepared with them.
     pub models: [*const PlywavePly; 2],
-    /// Diameter of the area of cloth that the point represents [um], such as a pixel's footprint: beyond the
-    /// size of the cell the mean over the cell is used, if the file has it (see `no_far` of the options). 0
+    /// Diameter of the area of cloth that the query represents [um], such as a pixel's footprint. Beyond the
+    /// size of the cell, the mean over the cell is used if the file has it (see `no_far` of the options). 0
     /// for a point; never negative.
     pub footprint_um: f32,
 }
@@ -77,10 +77,10 @@ fn channels_of(channels: i32, count: usize) -> Checked<Channels> {
 
 /// Farthest position [um]: 10 km, where consecutive f32 values are 1 mm apart.
 const MAX_UM: f32 = 1e10;
-/// Greatest turn [rad], where consecutive f32 values are 0.06 apart.
+/// Largest rotation [rad], where consecutive f32 values are 0.06 apart.
 const MAX_RAD: f32 = 1e6;
 
-/// The query as a Rust type.
+/// Converts the query to the Rust type.
 ///
 /// # Safety
 /// Its pointers are NULL or point to live memory.

@@ -1,4 +1,5 @@
-//! Colors of cloths: what they refer to, those of yarns, and what becomes of them.
+//! Colors of cloths: the quantity that they refer to, target colors of yarns, and the colors that the cloth
+//! reaches.
 
 use crate::status::{Checked, invalid};
 use plywave::cloth::{ColorOf, ColorReach, YarnColor};
@@ -7,8 +8,8 @@ use plywave::cloth::{ColorOf, ColorReach, YarnColor};
 #[repr(i32)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PlywaveColorOf {
-    /// The cloth under a uniform sky all around: reflected and transmitted light over the light that hits
-    /// fibers.
+    /// The cloth under a uniform sky in all directions: reflected and transmitted light relative to the light
+    /// that hits fibers.
     EvenSky = 0,
     /// The cloth's face, lit from the viewer's side, with a dark background.
     Reflected = 1,
@@ -20,7 +21,7 @@ pub enum PlywaveColorOf {
 #[repr(i32)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PlywaveYarnColorKind {
-    /// No color: clear fibers.
+    /// No color: non-absorbing fibers.
     Undyed = 0,
     /// A color [sRGB, 0 to 1].
     Srgb = 1,
@@ -28,7 +29,7 @@ pub enum PlywaveYarnColorKind {
     Sigma = 2,
 }
 
-/// Color of the yarns of a kind, such as warp or weft. Zeroed memory means clear fibers.
+/// Color of all yarns of one kind, such as warp or weft. Zeroed memory means non-absorbing fibers.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PlywaveYarnColor {
@@ -50,8 +51,8 @@ pub struct PlywaveColorReach {
     pub comes_out: [f64; 3],
     /// CIEDE2000 between the two; about 1 is just visible.
     pub delta_e: f64,
-    /// Number of the 81 wavelengths at which the target was brighter than clear fibers, and darker than black
-    /// ones.
+    /// Numbers of the 81 wavelengths at which the target was brighter than non-absorbing fibers, and darker
+    /// than black ones.
     pub clamped: [u32; 2],
 }
 
@@ -72,7 +73,7 @@ impl From<ColorOf> for PlywaveColorOf {
     }
 }
 
-/// A `PlywaveColorOf` as C passes it.
+/// A `PlywaveColorOf` in C's representation.
 pub(crate) fn color_of(value: i32) -> Checked<ColorOf> {
     match value {
         0 => Ok(ColorOf::EvenSky),
@@ -92,7 +93,7 @@ pub(crate) fn yarn_color(of: &PlywaveYarnColor) -> Checked<YarnColor> {
     }
 }
 
-/// An absorption that must be valid when a caller sets it.
+/// Checks an absorption that a caller sets.
 pub(crate) fn absorption(sigma: f32) -> Checked<f32> {
     if (0.0..f32::INFINITY).contains(&sigma) {
         Ok(sigma)

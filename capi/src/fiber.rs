@@ -1,14 +1,15 @@
-//! Single fibers.
+//! Single fibers: loading, queries and batches.
 
 use crate::bsdf::{PLYWAVE_MAX_COUNT, PlywaveBsdf, PlywaveSample, prepare, unprepare};
 use crate::pointer::{optional, put, reference, slice, text, unit};
 use crate::queries::{Counted, by_count, count_of, eval_queries, hand_out, sample_queries, take_back, wavelengths};
 use crate::status::{Checked, PlywaveError, PlywaveStatus, guard, invalid};
-use plywave::fiber::{FilamentSpec, TabulatedFiber};
-use plywave::{Bsdf, FiberModel, FiberQuery};
+use plywave::Bsdf;
+use plywave_fiber::{FiberModel, FiberQuery};
+use plywave_fiber::{FilamentSpec, TabulatedFiber};
 use std::ffi::c_char;
 
-/// Largest absorption of a query [1/um], as in specs.
+/// Largest absorption of a query [1/um], the limit of specs.
 const MAX_SIGMA_PER_UM: f32 = 1000.0;
 
 /// A loaded fiber model. It is immutable: any number of threads may use it at once.
@@ -41,11 +42,11 @@ pub struct PlywaveFiberQuery {
     pub count: i32,
     /// Wavelengths [um]. All 0 with a count of 3: 0.612, 0.549 and 0.464, those of red, green and blue.
     pub lambda_um: [f32; PLYWAVE_MAX_COUNT],
-    /// Offset of the ray from the center line over half the fiber's width, -1 to 1, or NULL for the mean over
-    /// all offsets. Tables contain only that mean. Read during the call only.
+    /// Offset of the ray from the center line relative to half the fiber's width, -1 to 1, or NULL for the
+    /// mean over all offsets. Tables contain only that mean. Read during the call only.
     pub h_rel: *const f32,
     /// Absorption inside the fiber [1/um], by wavelength: the color of an analytic fiber. Tables ignore it,
-    /// since they have their own.
+    /// because they contain their own.
     pub sigma_per_um: [f32; PLYWAVE_MAX_COUNT],
 }
 
@@ -95,8 +96,8 @@ pub unsafe extern "C" fn plywave_fiber_load(
     })
 }
 
-/// Like `plywave_fiber_load`, but from the `size` bytes of a file; `name` identifies it in messages, and ends
-/// in `.toml` for a spec.
+/// Like `plywave_fiber_load`, but from the `size` bytes of a file; `name` identifies the file in messages and
+/// ends in `.toml` for a spec.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn plywave_fiber_from_bytes(
     bytes: *const u8,
@@ -129,8 +130,8 @@ pub unsafe extern "C" fn plywave_fiber_free(fiber: *mut PlywaveFiber) {
     });
 }
 
-/// Diameter of the cylinder outside which no ray is scattered by the fiber, for any direction and wavelength
-/// [um].
+/// Diameter [um] of the cylinder that contains all rays which the fiber scatters, over all directions and
+/// wavelengths.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn plywave_fiber_max_width(
     fiber: *const PlywaveFiber,
@@ -143,9 +144,9 @@ pub unsafe extern "C" fn plywave_fiber_max_width(
     })
 }
 
-/// Color of an analytic fiber from its spec: three wavelengths [um] to `lambda_um` `[3]`, the absorption at
-/// them [1/um] to `sigma_per_um` `[3]`, as a query takes them. All are 0 for a table, which has its own
-/// color.
+/// Color of an analytic fiber from its spec, in the form of a query: writes three wavelengths [um] to
+/// `lambda_um` `[3]` and the absorptions at these [1/um] to `sigma_per_um` `[3]`. All are 0 for a table,
+/// which contains its own absorption.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn plywave_fiber_color(
     fiber: *const PlywaveFiber,
@@ -164,7 +165,7 @@ pub unsafe extern "C" fn plywave_fiber_color(
 }
 
 /// Prepares the fiber at a query for any number of directions. On an error `bsdf` is not prepared, whatever
-/// it held before. `plywave_bsdf_info` has the widths from which the fiber intercepts light.
+/// it held before. `plywave_bsdf_info` returns the widths over which the fiber intercepts light.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn plywave_fiber_at(
     fiber: *const PlywaveFiber,

@@ -7,9 +7,9 @@
 //! - Every function runs in `status::guard`: no panic leaves it, and a function that can fail returns a
 //!   `PlywaveStatus`.
 //! - There is no global state. Handles are immutable, so threads share them without locks.
-//! - The border (`pointer`) checks the numbers of a call, because the library's `eval` and `sample` return 0
-//!   for an invalid direction, and a host needs the error.
-//! - One set of functions serves every prepared query (`bsdf`): a tag in the caller's memory holds the kind
+//! - The module `pointer` checks the numbers of a call at the boundary, because the library's `eval` and
+//!   `sample` return 0 for an invalid direction and a host needs the error.
+//! - One set of functions serves every prepared query (`bsdf`): a tag in the caller's memory stores the kind
 //!   of model and the number of wavelengths.
 
 mod bsdf;
@@ -21,7 +21,8 @@ mod fiber;
 mod ply;
 mod pointer;
 mod queries;
-mod status;
+#[doc(hidden)]
+pub mod status;
 
 pub use bsdf::*;
 pub use check::*;
@@ -37,7 +38,7 @@ use std::ffi::c_char;
 #[cfg(not(panic = "unwind"))]
 compile_error!("plywave-capi turns panics into errors: compile it with panic = \"unwind\"");
 
-/// Version of this header's interface: it rises with every change that breaks already compiled programs
+/// Version of this header's interface; it increases with every change that would break compiled programs
 /// without an error.
 pub const PLYWAVE_ABI_VERSION: u32 = 1;
 

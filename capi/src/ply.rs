@@ -1,4 +1,4 @@
-//! Ply models.
+//! Ply models: loading, queries and batches, layers and slits.
 
 use crate::bsdf::{PLYWAVE_MAX_COUNT, PlywaveBsdf, PlywaveSample, padded, prepare, unprepare};
 use crate::pointer::{
@@ -27,18 +27,18 @@ const _: () = {
     is_send_sync::<PlywaveSlit>();
 };
 
-/// A place on a ply, whose relief and speckle are asked.
+/// A position on a ply, which determines its relief and its speckle.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PlywavePlace {
-    /// Number of the ply: others have other fibers.
+    /// Number of the ply: plies of different numbers have different fibers.
     pub ply_id: u32,
-    /// Azimuth of the viewer, the frame's y axis, among the fibers [rad]: about the ply's axis, from an axis
-    /// that turns with the twist, counterclockwise as seen from the end of the z axis.
+    /// Azimuth of the viewer, the frame's y axis, relative to the fibers [rad]: about the ply's axis, from an
+    /// axis that turns with the twist, counterclockwise as seen from the end of the z axis.
     pub azimuth: f32,
-    /// Place along the ply's axis [um], from any origin that is the same all along the ply.
+    /// Position along the ply's axis [um], from any origin that is the same for the whole ply.
     pub along_um: f32,
-    /// Diameter of the part of the ply that the query stands for [um]; 0 for a point.
+    /// Diameter of the part of the ply that the query represents [um]; 0 for a point.
     pub footprint_um: f32,
 }
 
@@ -73,20 +73,20 @@ pub struct PlywavePlyQuery {
     pub sigma_per_um: [f32; PLYWAVE_MAX_COUNT],
     /// Wavelengths [um]. All 0 with a count of 3: 0.612, 0.549 and 0.464, those of red, green and blue.
     pub lambda_um: [f32; PLYWAVE_MAX_COUNT],
-    /// Not 0: light that passes beside the ply goes straight on. 0: it is diffracted at the ply's edge, where
-    /// the model has edge lobes.
+    /// Not 0: light that passes beside the ply continues straight. 0: the ply's edge diffracts it, if the
+    /// model has edge lobes.
     pub no_edge: i32,
     /// Not 0: every call interpolates the lobes again. 0: `plywave_ply_at` interpolates them once. Batches of
-    /// queries are uncached in either case.
+    /// queries interpolate them for each query in either case.
     pub uncached: i32,
-    /// Not 0: no relief. 0: with a place, the fibers on the ply's surface show.
+    /// Not 0: no relief. 0: with a position, the fibers on the ply's surface are visible.
     pub no_relief: i32,
-    /// Not 0: no speckle. 0: with a place, a model with noise has speckle.
+    /// Not 0: no speckle. 0: with a position, a model with noise has speckle.
     pub no_speckle: i32,
     /// Small gaps between the fibers, or NULL. Must outlive the query prepared with it.
     pub slit: *const PlywaveSlit,
-    /// Place on the ply, for its relief and its speckle, or NULL for the smooth model. Read during the call
-    /// only.
+    /// Position on the ply, for its relief and its speckle, or NULL for the smooth model. Read during the
+    /// call only.
     pub place: *const PlywavePlace,
     /// A second layer below, or NULL. Read during the call only. It has no effect for a model without layer
     /// factors.
@@ -103,26 +103,26 @@ impl Counted for PlywavePlyQuery {
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PlywavePlyInfo {
-    /// Greater radius R of a ply [um].
+    /// Larger radius R of a ply [um].
     pub radius_um: f64,
-    /// Greatest offset |h| at which a beam can hit fibers [um].
+    /// Largest offset |h| at which a beam can hit fibers [um].
     pub h_limit_um: f64,
-    /// Greatest latitude of the nodes [rad]; beyond it, the last node is used.
+    /// Largest latitude of the nodes [rad]; beyond it, the last node is used.
     pub theta_limit: f64,
-    /// Greatest simulated absorption [1/um]; the model remains valid beyond it.
+    /// Largest simulated absorption [1/um]; the model remains valid beyond it.
     pub sigma_limit_per_um: f64,
     /// Waist w0 of the beam [um].
     pub w0_um: f64,
-    /// Distance beyond which the beam counts as dark [um].
+    /// Distance from the beam's center beyond which the beam counts as dark [um].
     pub d_cut_um: f64,
-    /// Greatest difference of eval on this machine from the values stored in the file, relative to the
-    /// greatest of them; up to 1e-3 is fine.
+    /// Largest difference of eval on this machine from the values stored in the file, relative to the largest
+    /// of them; values up to 1e-3 are fine.
     pub reference_error: f64,
     /// Number of plies of the modeled yarn.
     pub plies: i32,
-    /// Number of single-reflection lobes.
+    /// Number of f_refl lobes.
     pub lobes_refl: i32,
-    /// Number of lobes of other light.
+    /// Number of f_high lobes.
     pub lobes_high: i32,
     /// Whether the model has edge lobes; 0 or 1.
     pub has_edge: i32,
@@ -132,7 +132,7 @@ pub struct PlywavePlyInfo {
     pub has_noise: i32,
 }
 
-/// The query as a Rust type.
+/// Converts the query to the Rust type.
 ///
 /// # Safety
 /// Its pointers are NULL or point to live memory.
@@ -209,8 +209,9 @@ pub unsafe extern "C" fn plywave_ply_from_bytes(
     })
 }
 
-/// The ply of a model lit along single lines instead of a beam, for `PlywaveClothQuery.models`: its missed
-/// light is the chance that a line misses, not the mean over a beam. Release it with `plywave_ply_free`.
+/// The ply of a model illuminated along single lines instead of a beam, for `PlywaveClothQuery.models`: its
+/// missed light is the probability that a line misses all fibers, not the mean over a beam. Release it with
+/// `plywave_ply_free`.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn plywave_ply_of_lines(
     ply: *const PlywavePly,
@@ -271,8 +272,8 @@ pub unsafe extern "C" fn plywave_ply_info(
 }
 
 /// Copies the text of the yarn spec that a model was made from, with a final 0, to a buffer of `size` bytes;
-/// its length without that 0 goes to `*length`, which may be NULL. With `PLYWAVE_STATUS_BUFFER_TOO_SMALL`, as
-/// with NULL and 0, `*length` + 1 bytes are needed.
+/// its length without that 0 goes to `*length`, which may be NULL. `PLYWAVE_STATUS_BUFFER_TOO_SMALL`, which a
+/// NULL buffer of size 0 returns too, means that `*length` + 1 bytes are needed.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn plywave_ply_spec(
     ply: *const PlywavePly,
@@ -287,8 +288,8 @@ pub unsafe extern "C" fn plywave_ply_spec(
     })
 }
 
-/// A layer of this ply's yarns at a latitude [rad], for `count` absorptions [1/um], to lie below another ply.
-/// `PLYWAVE_STATUS_MISSING` for a model without layer factors.
+/// A layer of this ply's yarns at a latitude [rad], for `count` absorptions [1/um], for use below another
+/// ply. The status is `PLYWAVE_STATUS_MISSING` for a model without layer factors.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn plywave_ply_layer(
     ply: *const PlywavePly,
@@ -429,8 +430,8 @@ pub unsafe extern "C" fn plywave_ply_sample_batch(
 
 /// f_refl + f_high alone, without edge light, of `n` queries as arrays: `theta_i` `[n]` [rad], `h_um` `[n]`,
 /// `sigma_per_um` `[n][count]`, components of the directions `x`, `y`, `z` `[n]`, to `f` `[n][count]` [1/sr].
-/// This is the fastest way to evaluate many queries: it processes 16 at a time. Entries are not checked: if a
-/// number is not finite, f is 0, as for a missed ply.
+/// This is the fastest way to evaluate many queries: it processes 16 at a time. Entries are not checked: an
+/// infinite number or NaN gives f = 0, the value for a missed ply.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn plywave_ply_lobes_batch(
     ply: *const PlywavePly,

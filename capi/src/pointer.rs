@@ -1,8 +1,8 @@
 //! Checks of pointers and numbers that come in from C, as far as C allows.
 //!
-//! A pointer that is null, misaligned, or of an impossible length is an error. The caller guarantees that it
-//! points to live memory of that length that is not written meanwhile; this is the safety condition of every
-//! `unsafe fn` here.
+//! A null or misaligned pointer, or an impossible length, is an error. The caller guarantees that a pointer
+//! refers to live memory of that length that no other thread writes to during the call; this is the safety
+//! condition of every `unsafe fn` here.
 
 use crate::status::{Checked, PlywaveStatus, failure, invalid};
 use std::ffi::{CStr, c_char};
@@ -42,7 +42,7 @@ fn too_long(len: usize, name: &str) -> Box<crate::status::Failure> {
     invalid(name, len, "a number of entries that fit in memory")
 }
 
-/// Refuses a pointer and length that cannot be an array; with length 0 any pointer passes.
+/// Refuses a pointer and length that cannot be an array; any pointer passes with length 0.
 #[inline(always)]
 fn array<T>(p: *const T, len: usize, name: &str) -> Checked {
     if len == 0 {
@@ -54,7 +54,7 @@ fn array<T>(p: *const T, len: usize, name: &str) -> Checked {
     if bytes.and_then(|bytes| p.addr().checked_add(bytes)).is_none() { Err(too_long(len, name)) } else { Ok(()) }
 }
 
-/// A slice to read; with length 0, from any pointer.
+/// A slice for reading; with length 0, from any pointer.
 #[inline(always)]
 pub(crate) unsafe fn slice<'a, T>(p: *const T, len: usize, name: &str) -> Checked<&'a [T]> {
     array(p, len, name)?;
@@ -62,7 +62,7 @@ pub(crate) unsafe fn slice<'a, T>(p: *const T, len: usize, name: &str) -> Checke
     Ok(if len == 0 { &[] } else { unsafe { std::slice::from_raw_parts(p, len) } })
 }
 
-/// A slice to write; with length 0, from any pointer.
+/// A slice for writing; with length 0, from any pointer.
 #[inline(always)]
 pub(crate) unsafe fn slice_mut<'a, T>(p: *mut T, len: usize, name: &str) -> Checked<&'a mut [T]> {
     array(p, len, name)?;
@@ -87,7 +87,7 @@ pub(crate) fn disjoint(output: [usize; 2], others: &[[usize; 2]], name: &str) ->
     Ok(())
 }
 
-/// Writes a result.
+/// Writes a result to the caller's memory.
 #[inline(always)]
 pub(crate) unsafe fn put<T>(p: *mut T, value: T, name: &str) -> Checked {
     pointer(p, name)?;
@@ -96,7 +96,7 @@ pub(crate) unsafe fn put<T>(p: *mut T, value: T, name: &str) -> Checked {
     Ok(())
 }
 
-/// A copy of K numbers.
+/// Reads K numbers from the caller's memory.
 #[inline(always)]
 pub(crate) unsafe fn numbers<const K: usize>(p: *const f32, name: &str) -> Checked<[f32; K]> {
     pointer(p, name)?;
@@ -104,8 +104,8 @@ pub(crate) unsafe fn numbers<const K: usize>(p: *const f32, name: &str) -> Check
     Ok(unsafe { p.cast::<[f32; K]>().read() })
 }
 
-/// Reads three numbers, one by one. They do not pass through a `Result`, whose pieces have other sizes:
-/// copying an array through memory in such pieces costs a call 10 ns.
+/// Reads three numbers, one by one. They do not pass through a `Result`, which the compiler copies through
+/// memory in pieces of other sizes at a cost of 10 ns per call.
 ///
 /// # Safety
 /// The pointer was checked and points to three numbers.
@@ -115,7 +115,7 @@ pub(crate) unsafe fn three(p: *const f32) -> [f32; 3] {
     unsafe { [p.read(), p.add(1).read(), p.add(2).read()] }
 }
 
-/// Refuses a pointer to anything but a unit vector.
+/// Refuses a pointer whose three numbers are not a unit vector.
 #[inline(always)]
 pub(crate) unsafe fn to_direction(p: *const f32, name: &str) -> Checked {
     pointer(p, name)?;
@@ -123,7 +123,7 @@ pub(crate) unsafe fn to_direction(p: *const f32, name: &str) -> Checked {
     unit(unsafe { three(p) }, name)
 }
 
-/// Refuses a pointer to anything but three random numbers.
+/// Refuses a pointer whose three numbers are not uniform random numbers.
 #[inline(always)]
 pub(crate) unsafe fn to_random(p: *const f32) -> Checked {
     pointer(p, "u")?;
@@ -131,10 +131,10 @@ pub(crate) unsafe fn to_random(p: *const f32) -> Checked {
     uniform(unsafe { three(p) })
 }
 
-/// A 0-terminated string in UTF-8.
+/// Reads a 0-terminated UTF-8 string.
 pub(crate) unsafe fn text<'a>(p: *const c_char, name: &str) -> Checked<&'a str> {
     pointer(p, name)?;
-    // SAFETY: not null; the caller guarantees its end.
+    // SAFETY: not null; the caller guarantees the terminating 0.
     let bytes = unsafe { CStr::from_ptr(p) };
     bytes.to_str().map_err(|_| failure(PlywaveStatus::InvalidArgument, format!("{name} is not text in UTF-8")))
 }
@@ -157,13 +157,13 @@ pub(crate) unsafe fn put_text(from: &str, buffer: *mut c_char, size: usize, leng
     Ok(())
 }
 
-/// A finite number.
+/// Refuses an infinite number or NaN.
 #[inline(always)]
 pub(crate) fn finite(value: f32, name: &str) -> Checked {
     if value.is_finite() { Ok(()) } else { Err(invalid(name, value, "a finite number")) }
 }
 
-/// A number in [low, high].
+/// Refuses a number outside [low, high].
 #[inline(always)]
 pub(crate) fn within(value: f32, low: f32, high: f32, name: &str) -> Checked {
     if value >= low && value <= high { Ok(()) } else { Err(outside(value, low, high, name)) }
@@ -175,10 +175,10 @@ fn outside(value: f32, low: f32, high: f32, name: &str) -> Box<crate::status::Fa
     invalid(name, value, &allowed)
 }
 
-/// Finite numbers.
+/// Refuses infinite numbers and NaN.
 #[inline(always)]
 pub(crate) fn all_finite<const K: usize>(values: &[f32; K], name: &str) -> Checked {
-    // 0 times a number that is not finite is NaN.
+    // 0 times an infinite number or NaN is NaN.
     let sum = values.iter().fold(0.0, |sum, v| sum + 0.0 * v);
     if sum == 0.0 { Ok(()) } else { Err(invalid(name, values, "finite numbers")) }
 }
@@ -186,7 +186,7 @@ pub(crate) fn all_finite<const K: usize>(values: &[f32; K], name: &str) -> Check
 /// Largest deviation of the squared length of a direction from 1.
 const UNIT_TOLERANCE: f32 = 0.01;
 
-/// Whether a vector is a direction; one with a NaN is not.
+/// Whether a vector is a unit vector; false if a component is NaN.
 #[inline(always)]
 pub(crate) fn is_unit(x: f32, y: f32, z: f32) -> bool {
     (x * x + y * y + z * z - 1.0).abs() <= UNIT_TOLERANCE
@@ -197,13 +197,13 @@ fn no_direction(x: f32, y: f32, z: f32, name: &str) -> Box<crate::status::Failur
     invalid(name, [x, y, z], "a unit vector")
 }
 
-/// A unit vector.
+/// Refuses a vector that is not a unit vector.
 #[inline(always)]
 pub(crate) fn unit([x, y, z]: [f32; 3], name: &str) -> Checked {
     if is_unit(x, y, z) { Ok(()) } else { Err(no_direction(x, y, z, name)) }
 }
 
-/// Whether numbers can be uniform random numbers. 1 may result from rounding and counts as the greatest
+/// Whether three numbers can be uniform random numbers. Rounding may produce 1, which counts as the largest
 /// number below it.
 #[inline(always)]
 pub(crate) fn is_uniform(x: f32, y: f32, z: f32) -> bool {
@@ -216,7 +216,7 @@ fn not_uniform(x: f32, y: f32, z: f32) -> Box<crate::status::Failure> {
     invalid("u", [x, y, z], "numbers in [0, 1)")
 }
 
-/// Three uniform random numbers.
+/// Refuses numbers that cannot be uniform random numbers.
 #[inline(always)]
 pub(crate) fn uniform([x, y, z]: [f32; 3]) -> Checked {
     if is_uniform(x, y, z) { Ok(()) } else { Err(not_uniform(x, y, z)) }

@@ -1,4 +1,4 @@
-//! Many queries, one direction each, and handles: code that all kinds of models share.
+//! Batches of queries with one direction each, and handles: code shared by all kinds of models.
 
 use crate::bsdf::{PlywaveSample, outputs, put_sample};
 use crate::pointer::{disjoint, put, slice, slice_mut, span, uniform, unit};
@@ -27,7 +27,7 @@ macro_rules! by_count {
 }
 pub(crate) use by_count;
 
-/// A query as C passes it.
+/// A query in C's layout.
 pub(crate) trait Counted {
     /// Its number of wavelengths.
     fn count(&self) -> i32;
@@ -47,7 +47,7 @@ pub(crate) fn count_of<Q: Counted>(queries: &[Q]) -> Checked<i32> {
     Ok(first.count())
 }
 
-/// f and pdf of many queries, one direction each.
+/// Evaluates f and pdf of many queries, one direction each.
 pub(crate) unsafe fn eval_queries<Q, const N: usize>(
     queries: &[Q],
     w: *const f32,
@@ -68,7 +68,7 @@ pub(crate) unsafe fn eval_queries<Q, const N: usize>(
     Ok(())
 }
 
-/// Samples of many queries, one each.
+/// Samples many queries once each.
 pub(crate) unsafe fn sample_queries<Q, const N: usize>(
     queries: &[Q],
     u: *const f32,
@@ -91,7 +91,7 @@ pub(crate) unsafe fn sample_queries<Q, const N: usize>(
     Ok(())
 }
 
-/// The first N numbers of a query, which must be finite.
+/// The first N numbers of a query, all finite.
 #[inline(always)]
 pub(crate) fn first<const N: usize>(of: &[f32; 4], name: &str) -> Checked<[f32; N]> {
     let values: [f32; N] = std::array::from_fn(|k| of[k]);
@@ -99,7 +99,7 @@ pub(crate) fn first<const N: usize>(of: &[f32; 4], name: &str) -> Checked<[f32; 
     Ok(values)
 }
 
-/// The wavelengths of a query [um]: three that are all 0 stand for those of red, green and blue.
+/// The wavelengths of a query [um]; three zeros stand for those of red, green and blue.
 #[inline(always)]
 pub(crate) fn wavelengths<const N: usize>(of: &[f32; 4]) -> Checked<[f32; N]> {
     let values: [f32; N] = std::array::from_fn(|k| of[k]);
@@ -118,7 +118,7 @@ pub(crate) unsafe fn hand_out<T>(out: *mut *mut T, value: T) -> Checked {
     unsafe { put(out, Box::into_raw(Box::new(value)), "out") }
 }
 
-/// Releases a handle. NULL does nothing.
+/// Releases a handle; NULL is allowed.
 pub(crate) unsafe fn take_back<T>(handle: *mut T) {
     if !handle.is_null() && handle.is_aligned() {
         // SAFETY: the caller got it from `hand_out` and releases it once.

@@ -1,5 +1,5 @@
-//! Errors as codes and messages in the caller's memory, and the one way over the border: every function runs
-//! inside [`guard`].
+//! Errors as codes and messages in the caller's memory. Every function runs inside [`guard`], which reports
+//! failures and catches panics.
 
 use plywave::Error;
 use std::any::Any;
@@ -10,7 +10,7 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 #[repr(i32)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PlywaveStatus {
-    /// Done.
+    /// The call succeeded.
     Ok = 0,
     /// A pointer that must not be null is null.
     NullPointer = 1,
@@ -27,9 +27,9 @@ pub enum PlywaveStatus {
     Io = 6,
     /// A file is not of the expected format or version, or is damaged.
     Format = 7,
-    /// A file is well formed and holds a value that is not allowed.
+    /// A well-formed file contains a value that is not allowed.
     InvalidFile = 8,
-    /// A defect of the library, caught at the border. The outputs of the call are undefined; handles stay
+    /// A defect of the library, caught at the boundary. The outputs of the call are undefined; handles stay
     /// usable.
     Panic = 9,
 }
@@ -37,7 +37,7 @@ pub enum PlywaveStatus {
 /// Bytes of a message, including its final 0.
 pub const PLYWAVE_MESSAGE_SIZE: usize = 496;
 
-/// Index of an error that is not about an entry of an array.
+/// Index of an error that does not concern an entry of an array.
 pub const PLYWAVE_NO_INDEX: u64 = u64::MAX;
 
 /// An error in the caller's memory: each call takes a pointer to one, or NULL. It is written only if the
@@ -47,26 +47,27 @@ pub const PLYWAVE_NO_INDEX: u64 = u64::MAX;
 pub struct PlywaveError {
     /// The returned status: a `PlywaveStatus`.
     pub status: i32,
-    /// In a batch, the first invalid entry, before which all are done; else `PLYWAVE_NO_INDEX`.
+    /// Index of the first invalid entry of a batch, before which all entries are processed; else
+    /// `PLYWAVE_NO_INDEX`.
     pub index: u64,
-    /// One line in UTF-8 that names file, key or argument, value and what is allowed; 0-terminated.
+    /// One line in UTF-8 that names file, key or argument, value and allowed values; 0-terminated.
     pub message: [c_char; PLYWAVE_MESSAGE_SIZE],
 }
 
 /// The reason why a call failed.
 #[derive(Debug)]
-pub(crate) struct Failure {
+pub struct Failure {
     pub status: PlywaveStatus,
     pub index: u64,
     pub message: String,
 }
 
-/// A failure is rare and large: it is boxed, so that success costs nothing.
-pub(crate) type Checked<T = ()> = Result<T, Box<Failure>>;
+/// Result of a checked call. A failure is rare and large; boxing it keeps the success path cheap.
+pub type Checked<T = ()> = Result<T, Box<Failure>>;
 
 /// A failure with this status.
 #[cold]
-pub(crate) fn failure(status: PlywaveStatus, message: impl Into<String>) -> Box<Failure> {
+pub fn failure(status: PlywaveStatus, message: impl Into<String>) -> Box<Failure> {
     Box::new(Failure { status, index: PLYWAVE_NO_INDEX, message: message.into() })
 }
 
@@ -103,11 +104,11 @@ impl From<Error> for Box<Failure> {
     }
 }
 
-/// Runs the body of a function: no panic leaves it, and a failure is written to the caller's error.
+/// Runs the body of a function: catches panics, and writes a failure to the caller's error.
 #[inline(always)]
-pub(crate) fn guard(error: *mut PlywaveError, body: impl FnOnce() -> Checked) -> PlywaveStatus {
-    // A body borrows the caller's memory, read-only models, or memory that is written before it is read:
-    // nothing half-done is seen after a panic.
+pub fn guard(error: *mut PlywaveError, body: impl FnOnce() -> Checked) -> PlywaveStatus {
+    // A body borrows the caller's memory, immutable models, or memory that is written before it is read, so a
+    // panic leaves no partial state that is visible afterwards.
     match catch_unwind(AssertUnwindSafe(body)) {
         Ok(Ok(())) => PlywaveStatus::Ok,
         Ok(Err(failure)) => report(error, &failure),
@@ -131,7 +132,7 @@ fn report_panic(error: *mut PlywaveError, payload: Box<dyn Any + Send>) -> Plywa
 fn report(error: *mut PlywaveError, failure: &Failure) -> PlywaveStatus {
     if !error.is_null() && error.is_aligned() {
         let mut message = [0; PLYWAVE_MESSAGE_SIZE];
-        // One line, cut between characters.
+        // The message is one line, cut between characters.
         let line: String = failure.message.chars().map(|c| if c.is_control() { ' ' } else { c }).collect();
         let end = line.floor_char_boundary_at(PLYWAVE_MESSAGE_SIZE - 1);
         for (to, from) in message.iter_mut().zip(line.as_bytes().iter().take(end)) {
@@ -145,12 +146,12 @@ fn report(error: *mut PlywaveError, failure: &Failure) -> PlywaveStatus {
 
 /// `str::floor_char_boundary`, which is newer than this crate's Rust.
 trait FloorCharBoundary {
-    fn floor_char_boundary_at(&self, most: usize) -> usize;
+    fn floor_char_boundary_at(&self, max: usize) -> usize;
 }
 
 impl FloorCharBoundary for String {
-    fn floor_char_boundary_at(&self, most: usize) -> usize {
-        (0..=most.min(self.len())).rev().find(|at| self.is_char_boundary(*at)).unwrap_or(0)
+    fn floor_char_boundary_at(&self, max: usize) -> usize {
+        (0..=max.min(self.len())).rev().find(|at| self.is_char_boundary(*at)).unwrap_or(0)
     }
 }
 
@@ -172,77 +173,4 @@ pub extern "C" fn plywave_status_name(status: i32) -> *const c_char {
         _ => c"unknown status",
     };
     name.as_ptr()
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use std::ffi::CStr;
-
-    fn empty() -> PlywaveError {
-        PlywaveError { status: -1, index: 7, message: [1; PLYWAVE_MESSAGE_SIZE] }
-    }
-
-    fn text(error: &PlywaveError) -> String {
-        let bytes: Vec<u8> = error.message.iter().map(|c| *c as u8).collect();
-        CStr::from_bytes_until_nul(&bytes).expect("an end").to_str().expect("UTF-8").to_string()
-    }
-
-    #[test]
-    fn a_panic_becomes_a_status() {
-        let mut error = empty();
-        assert_eq!(guard(&mut error, || panic!("entry {}", 3)), PlywaveStatus::Panic);
-        assert_eq!((error.status, error.index), (9, PLYWAVE_NO_INDEX));
-        assert_eq!(text(&error), "a defect of plywave, please report it: entry 3");
-        // A static text, a payload without text, and no error to write to.
-        assert_eq!(guard(&mut error, || panic!("static")), PlywaveStatus::Panic);
-        assert!(text(&error).ends_with(": static"));
-        assert_eq!(guard(&mut error, || std::panic::panic_any(5)), PlywaveStatus::Panic);
-        assert!(text(&error).ends_with(": unknown panic"));
-        assert_eq!(guard(std::ptr::null_mut(), || panic!("unheard")), PlywaveStatus::Panic);
-    }
-
-    /// A payload that panics again when dropped would end the program.
-    #[test]
-    fn a_payload_that_panics_when_dropped_is_not_dropped() {
-        struct Bomb;
-        impl Drop for Bomb {
-            fn drop(&mut self) {
-                panic!("dropped");
-            }
-        }
-        assert_eq!(guard(std::ptr::null_mut(), || std::panic::panic_any(Bomb)), PlywaveStatus::Panic);
-    }
-
-    #[test]
-    fn messages_are_one_line_cut_between_characters() {
-        let mut error = empty();
-        let long = format!("a\nb{}", "\u{e4}".repeat(PLYWAVE_MESSAGE_SIZE));
-        let fail = || Err(failure(PlywaveStatus::Format, long.clone()));
-        assert_eq!(guard(&mut error, fail), PlywaveStatus::Format);
-        let got = text(&error);
-        assert!(got.starts_with("a b\u{e4}") && got.len() == PLYWAVE_MESSAGE_SIZE - 1, "{got}");
-        // A cut inside a character: one byte less.
-        let fail = || Err(failure(PlywaveStatus::Format, &long[1..]));
-        assert_eq!(guard(&mut error, fail), PlywaveStatus::Format);
-        assert_eq!(text(&error).len(), PLYWAVE_MESSAGE_SIZE - 2);
-    }
-
-    #[test]
-    fn a_call_that_succeeds_leaves_the_error_alone() {
-        let mut error = empty();
-        assert_eq!(guard(&mut error, || Ok(())), PlywaveStatus::Ok);
-        assert_eq!((error.status, error.index, error.message[3]), (-1, 7, 1));
-    }
-
-    #[test]
-    fn every_status_has_a_name() {
-        for status in 0..10 {
-            // SAFETY: the names are static.
-            let name = unsafe { CStr::from_ptr(plywave_status_name(status)) };
-            assert!(name.to_str().is_ok_and(|n| n.starts_with("PLYWAVE_STATUS_")), "{status}");
-        }
-        // SAFETY: as above.
-        assert_eq!(unsafe { CStr::from_ptr(plywave_status_name(-3)) }, c"unknown status");
-    }
 }

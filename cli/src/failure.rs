@@ -1,19 +1,19 @@
-//! How a command ends when it does not end well, and the one line it says.
+//! Failures of a command, with their exit codes and messages of one line.
 
 use std::process::ExitCode;
 
-/// Why a command stopped.
+/// Reason for which a command stopped.
 #[derive(Debug)]
 pub enum Failure {
-    /// Bad input or an output that cannot be written: exit code 2.
+    /// Invalid input, or an output that cannot be written: exit code 2.
     Input(String),
-    /// A check or a comparison did not hold; the report has been printed: exit code 1.
+    /// A check or a comparison failed, and the report has been printed: exit code 1.
     NotHeld,
-    /// Another program did the work and has said why not: its exit code.
-    ProgressNames(u8),
+    /// Another program ran the command and has reported its failure: that program's exit code.
+    Reported(u8),
     /// The user stopped the work: exit code 130.
     Interrupted(String),
-    /// The reader of the standard output went away: nothing to say.
+    /// The reader of the standard output closed it; no message is printed.
     BrokenPipe,
 }
 
@@ -26,17 +26,17 @@ impl Failure {
         Failure::Input(format!("{file}: {key} = {value}: {hint}"))
     }
 
-    /// Says what there is to say on stderr; gives the exit code.
+    /// Prints the message on stderr; returns the exit code.
     pub fn report(&self) -> ExitCode {
         use std::io::Write;
         let (line, code) = match self {
             Failure::Input(line) => (format!("error: {}", one_line(line)), 2),
             Failure::Interrupted(line) => (one_line(line), 130),
             Failure::NotHeld => return ExitCode::from(1),
-            Failure::ProgressNames(code) => return ExitCode::from(*code),
+            Failure::Reported(code) => return ExitCode::from(*code),
             Failure::BrokenPipe => return ExitCode::SUCCESS,
         };
-        // Nobody is left to tell when stderr itself is closed.
+        // The write fails only if stderr is closed.
         let _ = writeln!(std::io::stderr(), "{line}");
         ExitCode::from(code)
     }
@@ -60,7 +60,7 @@ impl From<plywave::Error> for Failure {
     }
 }
 
-/// What to do about a file that could not be read or written.
+/// Hint for a file that cannot be read or written.
 fn hint_of(error: &std::io::Error) -> &'static str {
     use std::io::ErrorKind::{FileTooLarge, QuotaExceeded, StorageFull};
     match error.kind() {
@@ -70,7 +70,7 @@ fn hint_of(error: &std::io::Error) -> &'static str {
     }
 }
 
-/// A message as one printable line of at most 2000 characters, whatever a file put into it.
+/// A message as one printable line of at most 2000 characters.
 pub fn one_line(text: &str) -> String {
     plywave::one_line(text, 2000)
 }

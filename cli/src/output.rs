@@ -1,4 +1,4 @@
-//! Standard output that outlives a closed pipe, and output files that are whole or absent.
+//! Standard output that tolerates a closed pipe, and output files that are written atomically.
 
 use crate::failure::{Failure, Outcome};
 use std::io::Write;
@@ -18,7 +18,7 @@ pub fn print_json(value: &impl serde::Serialize) -> Outcome {
     })
 }
 
-/// What a failed write to standard output means.
+/// Failure for a failed write to standard output.
 fn stdout_failure(error: std::io::Error) -> Failure {
     match error.kind() {
         std::io::ErrorKind::BrokenPipe => Failure::BrokenPipe,
@@ -26,7 +26,7 @@ fn stdout_failure(error: std::io::Error) -> Failure {
     }
 }
 
-/// Whether two paths lead to one file: through links, other spellings and other names of it.
+/// Whether two paths refer to one file, through links, other spellings or other names.
 fn is_same(a: &Path, b: &Path) -> bool {
     #[cfg(unix)]
     {
@@ -39,8 +39,8 @@ fn is_same(a: &Path, b: &Path) -> bool {
     matches!((a.canonicalize(), b.canonicalize()), (Ok(a), Ok(b)) if a == b)
 }
 
-/// Refuses an output path that cannot be written, before any work is done: its folder must exist and take a
-/// new file; the path itself must be a regular file or none, and not one of the command's inputs.
+/// Refuses an output path that cannot be written, before any work: its folder must exist and accept a new
+/// file; the path must be new or a regular file, and must not be an input of the command.
 pub fn check_writable(path: &Path, inputs: &[&Path]) -> Outcome {
     let refuse = |what: String, hint: &str| Err(Failure::input(path.display(), "-o", what, hint));
     if inputs.iter().any(|input| is_same(input, path)) {
@@ -58,14 +58,14 @@ pub fn check_writable(path: &Path, inputs: &[&Path]) -> Outcome {
         return refuse(format!("a file in {}", folder.display()), "this folder does not exist; make it first");
     }
     match tempfile::tempfile_in(folder) {
-        // The probe goes away when it is dropped.
+        // The probe file is removed when it is dropped.
         Ok(_) => Ok(()),
         Err(error) => refuse(error.to_string(), "choose a place that can be written"),
     }
 }
 
-/// Refuses a folder to be written that could not be made, or that holds what is not from an earlier run: an
-/// existing one must be empty or hold `mark`.
+/// Refuses an output folder that cannot be created or contains anything but an earlier run: an existing
+/// folder must be empty or contain `mark`.
 pub fn check_folder(path: &Path, mark: &str, inputs: &[&Path]) -> Outcome {
     let refuse = |what: String, hint: &str| Err(Failure::input(path.display(), "-o", what, hint));
     if !path.exists() {
@@ -82,22 +82,22 @@ pub fn check_folder(path: &Path, mark: &str, inputs: &[&Path]) -> Outcome {
     }
 }
 
-/// An output that no other run may write.
+/// An output that is locked against other runs.
 pub struct Held {
     lock: PathBuf,
-    // Held for its lock.
+    // The file is stored for its lock.
     _file: std::fs::File,
 }
 
 impl Drop for Held {
     fn drop(&mut self) {
-        // What a killed run leaves, or what cannot be taken away, does no harm.
+        // The lock file of a killed run, or one that cannot be removed, does no harm.
         let _ = std::fs::remove_file(&self.lock);
     }
 }
 
-/// Keeps other runs from an output while the result lives, by a locked file of its name beside it; refuses
-/// one that another run holds.
+/// Locks an output against other runs while the result lives, by a locked file beside it; refuses an output
+/// that another run has locked.
 pub fn hold(path: &Path) -> Outcome<Held> {
     let target = plywave::io::output_target(path)?;
     let name = target.file_name().unwrap_or_default().to_string_lossy();
@@ -111,22 +111,22 @@ pub fn hold(path: &Path) -> Outcome<Held> {
     }
 }
 
-/// Writes a file whole or not at all.
+/// Writes a file atomically.
 pub fn write_whole(path: &Path, bytes: &[u8]) -> Outcome {
     write_whole_by(path, |out| out.write_all(bytes))
 }
 
-/// As [`write_whole`], piece by piece, by the one writer of `plywave::io`.
+/// Writes a file atomically in pieces, with the writer of `plywave::io`.
 pub fn write_whole_by(path: &Path, write: impl FnOnce(&mut dyn Write) -> std::io::Result<()>) -> Outcome {
     plywave::io::write_file_with(path, write).map_err(unwritten)
 }
 
-/// Writes several files as one: all whole, or all as they were.
+/// Writes several files as one: either all of them, or none.
 pub fn write_set<P: AsRef<Path>, B: AsRef<[u8]>>(files: &[(P, B)]) -> Outcome {
     plywave::io::write_files(files).map_err(unwritten)
 }
 
-/// What a failed write to a file means.
+/// Failure for a failed write to a file.
 fn unwritten(error: plywave::Error) -> Failure {
     match error {
         plywave::Error::Io { file, source } => Failure::input(file, "-o", source, "choose a place that can be written"),
@@ -141,7 +141,7 @@ fn folder(path: &Path) -> &Path {
     }
 }
 
-/// The file that a link leads to; a path that is no link itself.
+/// The file to which a link leads; a path that is not a link is returned unchanged.
 fn target_of(path: &Path) -> PathBuf {
     match std::fs::symlink_metadata(path) {
         Ok(about) if about.is_symlink() => path.canonicalize().unwrap_or_else(|_| path.to_path_buf()),
@@ -149,7 +149,7 @@ fn target_of(path: &Path) -> PathBuf {
     }
 }
 
-/// `path` with another ending, in the current folder: where an output goes when no `-o` is given.
+/// `path` with another ending in the current folder: the default output without `-o`.
 pub fn default_output(input: &Path, extension: &str) -> PathBuf {
     let mut name = input.file_stem().unwrap_or("out".as_ref()).to_os_string();
     name.push(".");
@@ -192,7 +192,7 @@ mod tests {
         assert!(std::fs::symlink_metadata(&link).unwrap().is_symlink());
         assert_eq!(std::fs::read(&file).unwrap(), b"2");
         assert!(check_writable(Path::new("/dev/null"), &[]).is_err());
-        // What fails midway leaves the old file and nothing else.
+        // A write that fails midway leaves the old file and nothing else.
         assert!(write_whole_by(&file, |_| Err(std::io::Error::other("full"))).is_err());
         assert_eq!(std::fs::read(&file).unwrap(), b"2");
         assert_eq!(std::fs::read_dir(dir.path()).unwrap().count(), 3);

@@ -1,5 +1,5 @@
-//! Progress on stderr: a bar on a terminal, else a line every ten seconds; nothing with `--quiet`. And Ctrl-C
-//! and SIGTERM.
+//! Progress on stderr: a bar on a terminal, else a line every ten seconds; nothing with `--quiet`. Also
+//! handles Ctrl-C and SIGTERM.
 
 use crate::failure::Failure;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
@@ -11,16 +11,15 @@ use std::sync::{Arc, Mutex, MutexGuard, Once, PoisonError};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-/// Time between two lines where stderr is no terminal.
+/// Time between two lines if stderr is not a terminal.
 const LINES_EVERY: Duration = Duration::from_secs(10);
 
-/// Set by the first Ctrl-C or SIGTERM during stoppable work, which looks at it between shards.
+/// Set by the first Ctrl-C or SIGTERM during stoppable work, which checks it between shards.
 pub static STOP: AtomicBool = AtomicBool::new(false);
 static STOPPABLE: AtomicBool = AtomicBool::new(false);
 
-/// Makes the first Ctrl-C or SIGTERM stop the work in good order where it can be, else (and the second one
-/// always) end the program at once.
-/// Shards already written stay whole either way.
+/// Installs handlers: the first Ctrl-C or SIGTERM stops stoppable work in good order; otherwise, and always
+/// the second time, it ends the program at once. Shards already written stay complete either way.
 pub fn install_stop() {
     static ONCE: Once = Once::new();
     ONCE.call_once(|| {
@@ -31,7 +30,7 @@ pub fn install_stop() {
         let handler = || {
             if !STOPPABLE.load(Ordering::SeqCst) || STOP.swap(true, Ordering::SeqCst) {
                 if std::io::stderr().is_terminal() {
-                    // The bar's line makes room; where it cannot, the message stands beside it.
+                    // The line of the bar is cleared for the message.
                     let _ = std::io::stderr().write_all(b"\r\x1b[2K");
                 }
                 stopped("").report();
@@ -44,7 +43,7 @@ pub fn install_stop() {
     });
 }
 
-/// Runs work that looks at [`STOP`].
+/// Runs work that checks [`STOP`].
 pub fn stoppable<T>(work: impl FnOnce() -> T) -> T {
     STOPPABLE.store(true, Ordering::SeqCst);
     let done = work();
@@ -52,8 +51,8 @@ pub fn stoppable<T>(work: impl FnOnce() -> T) -> T {
     done
 }
 
-/// What a stopped command says; `left` tells how much work remains. A command without `--resume` keeps
-/// nothing to go on with.
+/// Failure of a stopped command; `left` describes the remaining work. A command without `--resume` saves no
+/// state.
 pub fn stopped(left: &str) -> Failure {
     let words: Vec<String> = std::env::args_os().skip(1).map(|word| word.to_string_lossy().into_owned()).collect();
     Failure::Interrupted(match is_resumable(words.iter().map(String::as_str)) {
@@ -62,7 +61,7 @@ pub fn stopped(left: &str) -> Failure {
     })
 }
 
-/// Whether the command of a command line, without the program, has the flag `--resume`.
+/// Whether the command line (without the program) belongs to a command with the flag `--resume`.
 fn is_resumable<'a>(words: impl Iterator<Item = &'a str>) -> bool {
     let mut command = <crate::args::Cli as clap::CommandFactory>::command();
     for word in words {
@@ -73,10 +72,10 @@ fn is_resumable<'a>(words: impl Iterator<Item = &'a str>) -> bool {
     command.get_arguments().any(|argument| argument.get_id() == "resume")
 }
 
-/// The command line of this run with `--resume`.
+/// The command line of this run, with `--resume` added.
 fn resume_command() -> String {
     let mut words = vec!["plywave".to_string()];
-    // With --fresh the command would delete what there is to go on with.
+    // With --fresh the command would delete the saved shards.
     for word in std::env::args_os().skip(1).filter(|word| word != "--fresh") {
         let word = word.to_string_lossy();
         let plain = !word.is_empty() && word.chars().all(|c| c.is_alphanumeric() || "-_./=,:+".contains(c));
@@ -88,19 +87,19 @@ fn resume_command() -> String {
     words.join(" ")
 }
 
-/// A bar for one stage of the work after the other.
+/// A progress bar for consecutive stages of the work.
 pub struct Bar {
     bar: ProgressBar,
     unit: &'static str,
     begun: Instant,
-    /// When its stage began.
+    /// Start of the current stage.
     stage: Arc<Mutex<Instant>>,
-    /// Where stderr is no terminal: the thread that writes lines, which ends when the sender is dropped.
+    /// Thread that writes lines if stderr is not a terminal; it ends when the sender is dropped.
     lines: Option<(Sender<()>, JoinHandle<()>)>,
 }
 
 impl Bar {
-    /// A bar named `what` that counts `unit`s, or a silent one.
+    /// A bar named `what` that counts in `unit`, or a silent one.
     pub fn new(what: &'static str, unit: &'static str, quiet: bool) -> Self {
         let terminal = std::io::stderr().is_terminal();
         let hidden = quiet || !terminal;
@@ -118,7 +117,7 @@ impl Bar {
             let (bar, stage) = (bar.clone(), Arc::clone(&stage));
             let write = move || {
                 while ended.recv_timeout(LINES_EVERY) == Err(RecvTimeoutError::Timeout) {
-                    // A log that cannot be written is no reason to stop.
+                    // A failed write to a log does not stop the work.
                     let _ =
                         writeln!(std::io::stderr(), "{}", line(&bar, unit, begun.elapsed(), lock(&stage).elapsed()));
                 }
@@ -133,7 +132,7 @@ impl Bar {
         self.start(what, Some(total));
     }
 
-    /// Begins a stage, without a total where that is not known.
+    /// Begins a stage; `None` if its total is unknown.
     fn start(&self, what: &'static str, total: Option<u64>) {
         if self.bar.length().is_some() != total.is_some() {
             self.bar.set_style(style(self.unit, total.is_some()));
@@ -148,12 +147,12 @@ impl Bar {
         self.bar.reset_eta();
     }
 
-    /// That many more units are done.
+    /// Adds `units` to the units done.
     pub fn advance(&self, units: u64) {
         self.bar.inc(units);
     }
 
-    /// `done` of `total` units of a stage are done.
+    /// Sets the units done and the total of a stage.
     pub fn update(&self, what: &'static str, done: u64, total: u64) {
         if self.bar.prefix() != what || self.bar.length() != Some(total) {
             self.begin(what, total);
@@ -161,7 +160,7 @@ impl Bar {
         self.bar.set_position(done);
     }
 
-    /// `done` units of a stage without a known end are done.
+    /// Sets the units done of a stage with unknown total.
     pub fn count(&self, what: &'static str, done: u64) {
         if self.bar.prefix() != what || self.bar.length().is_some() {
             self.start(what, None);
@@ -169,7 +168,7 @@ impl Bar {
         self.bar.set_position(done);
     }
 
-    /// Takes the bar away; gives the time it stood.
+    /// Removes the bar; returns the time since its start.
     pub fn finish(self) -> Duration {
         self.begun.elapsed()
     }
@@ -180,13 +179,13 @@ impl Drop for Bar {
         self.bar.finish_and_clear();
         if let Some((sender, thread)) = self.lines.take() {
             drop(sender);
-            // A thread that panicked has nothing left to write.
+            // A thread that panicked has no output to finish.
             let _ = thread.join();
         }
     }
 }
 
-/// How a bar is drawn whose end is known, or not.
+/// Style of a bar with a known or unknown total.
 fn style(unit: &str, has_end: bool) -> ProgressStyle {
     let template = match has_end {
         true => format!("{{prefix:>9}} [{{bar:32}}] {{percent:>3}} %  {{rate}} {unit}/s  {{elapsed}}, {{eta}} left"),
@@ -269,13 +268,13 @@ mod tests {
         let bar = ProgressBar::with_draw_target(Some(8), ProgressDrawTarget::hidden());
         bar.set_prefix("simulate");
         bar.set_position(2);
-        let told = |seconds: u64| line(&bar, "steps", Duration::from_secs(seconds), Duration::from_secs(30));
-        assert_eq!(told(130), "simulate: 25 %, 2 min 10 s, 90.0 s left");
+        let reported = |seconds: u64| line(&bar, "steps", Duration::from_secs(seconds), Duration::from_secs(30));
+        assert_eq!(reported(130), "simulate: 25 %, 2 min 10 s, 90.0 s left");
         bar.set_position(0);
-        assert_eq!(told(10), "simulate: 0 %, 10.0 s");
+        assert_eq!(reported(10), "simulate: 0 %, 10.0 s");
         bar.set_position(400);
         bar.unset_length();
-        assert_eq!(told(10), "simulate: 400 steps, 10.0 s");
+        assert_eq!(reported(10), "simulate: 400 steps, 10.0 s");
     }
 
     /// Also of commands in commands, and with flags before the command.

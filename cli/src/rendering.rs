@@ -1,11 +1,11 @@
-//! What renders of cloths and of strands have in common: the files that they write, what sums must agree
-//! with, the work with its bar, and what is said of it.
+//! Common parts of `plywave render` for cloths and strands: output files, inputs that resumed sums must
+//! match, the render loop with its bar, and its report.
 
 use crate::args::{Cli, RenderArgs, Scene};
-use crate::commands::on_threads;
 use crate::failure::{Failure, Outcome};
 use crate::output::Held;
 use crate::progress::{self, Bar};
+use crate::threads::on_threads;
 use crate::{output, report};
 use glam::Vec3;
 use plywave_render::{
@@ -14,12 +14,12 @@ use plywave_render::{
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-/// Most pixels of a picture.
+/// Largest number of pixels of a picture.
 const MAX_PIXELS: u64 = 1 << 28;
-/// Share of the light that may be left out untold.
+/// Fraction of omitted light above which a note is printed.
 const TOLD: f64 = 0.005;
 
-/// What a render that ended early says.
+/// Failure for a render that ended early.
 pub fn failed(error: RenderError) -> Failure {
     match error {
         RenderError::Stopped { .. } => progress::stopped(""),
@@ -30,11 +30,11 @@ pub fn failed(error: RenderError) -> Failure {
     }
 }
 
-/// The files that a render writes, by the ending of `-o`.
+/// Files that a render writes, according to the ending of `-o`.
 pub struct Outputs {
     png: Option<PathBuf>,
     exr: Option<PathBuf>,
-    /// For `--resume`.
+    /// File of the sums for `--resume`.
     sums: PathBuf,
 }
 
@@ -66,14 +66,14 @@ impl Outputs {
         [self.png.as_deref(), self.exr.as_deref(), Some(self.sums.as_path())].into_iter().flatten()
     }
 
-    /// Refuses outputs that cannot be written, and those of a run that is under way; keeps others from them
-    /// while the result lives.
+    /// Refuses outputs that cannot be written and those of a running command; locks them while the result
+    /// lives.
     pub fn hold(&self, inputs: &[&Path]) -> Outcome<Vec<Held>> {
         self.each().try_for_each(|path| output::check_writable(path, inputs))?;
         self.each().map(output::hold).collect()
     }
 
-    /// Refuses to throw away the sums of an earlier render, unless the flags say what becomes of them.
+    /// Refuses to discard the sums of an earlier render without a flag that requests it.
     pub fn check_sums(&self, args: &RenderArgs) -> Outcome {
         if args.resume || args.fresh || !self.sums.exists() {
             return Ok(());
@@ -90,13 +90,13 @@ impl Outputs {
     }
 }
 
-/// One digest for all of it.
+/// One digest of all inputs of a picture.
 fn digest(of: &Ingredients) -> String {
     let all: String = of.iter().map(|(name, value)| format!("{name} = {value}\n")).collect();
     format!("sha256:{}", plywave_pipeline::digest_of_bytes(all.as_bytes()))
 }
 
-/// Refuses flags out of range.
+/// Refuses flags that are out of range.
 pub fn check_flags(args: &RenderArgs) -> Outcome {
     if u64::from(args.width) * u64::from(args.height) > MAX_PIXELS {
         return Err(Failure::input("command line", "--width", args.width, "give a picture of at most 268 M pixels"));
@@ -117,10 +117,10 @@ pub fn check_flags(args: &RenderArgs) -> Outcome {
     Ok(())
 }
 
-/// Farthest that a camera, and what it looks at, are from the origin along an axis [mm].
+/// Largest coordinate of the camera and its target [mm].
 const FARTHEST_MM: f64 = 1e6;
 
-/// The scene's camera with what the flags have in place of it.
+/// The scene's camera, with the overrides of the flags.
 pub fn camera(args: &RenderArgs, own: Camera) -> Outcome<Camera> {
     let own = own.view();
     let shown = |v: [f64; 3]| v.map(|v| v.to_string()).join(",");
@@ -139,7 +139,7 @@ pub fn camera(args: &RenderArgs, own: Camera) -> Outcome<Camera> {
         let (name, place) = if args.camera.is_some() { ("--camera", from) } else { ("--look", to) };
         return refuse(name, place.to_array().map(f64::from), "the camera must not be at the point that it looks at");
     };
-    // Up along the view leaves open how the picture is turned.
+    // An up vector along the view direction leaves the orientation of the picture undefined.
     let is_along = |up: Vec3| up.normalize_or_zero().cross(forward).length() < 1e-3;
     let up = match of(args.up) {
         Some(up) if is_along(up) => {
@@ -169,12 +169,12 @@ pub fn camera_flags(args: &RenderArgs) -> [(String, String); 4] {
 /// Loads the sky of `--sky`, and adds a note for each assumption about its file.
 pub fn sky(args: &RenderArgs, notes: &mut Vec<String>) -> Outcome<Option<Environment>> {
     let Some(file) = &args.sky else { return Ok(None) };
-    let (sky, told) = Environment::load(file, args.sky_layer.as_deref()).map_err(failed)?;
-    notes.extend(told.iter().map(|line| format!("{}: {line}", file.display())));
+    let (sky, reported) = Environment::load(file, args.sky_layer.as_deref()).map_err(failed)?;
+    notes.extend(reported.iter().map(|line| format!("{}: {line}", file.display())));
     Ok(Some(sky))
 }
 
-/// A new film, or with `--resume` the one to go on with; `--fresh` deletes its sums.
+/// A new film, or with `--resume` the film of the saved sums; `--fresh` deletes saved sums.
 pub fn film(args: &RenderArgs, outputs: &Outputs, of: &Ingredients) -> Outcome<Film> {
     if args.fresh && outputs.sums.exists() {
         let refuse = |e: std::io::Error| Failure::Input(format!("{}: {e}; remove it", outputs.sums.display()));
@@ -186,20 +186,20 @@ pub fn film(args: &RenderArgs, outputs: &Outputs, of: &Ingredients) -> Outcome<F
     }
 }
 
-/// What is said of a render.
+/// Data for the report and the metadata of a render.
 pub struct About {
     /// Name of the cloth or the strands.
     pub name: String,
-    /// What it is shown in.
+    /// Name of the scene.
     pub scene: String,
-    /// For the user, a line each.
+    /// Notes for the user, one per line.
     pub notes: Vec<String>,
 }
 
-/// Called after each pass with what is there.
+/// Callback that receives the film after each pass.
 pub type After<'a> = &'a mut dyn FnMut(&Film) -> Result<(), RenderError>;
 
-/// Renders by `work`, keeps sums now and then, writes the pictures and says so.
+/// Renders with `work`, saves sums periodically, writes the pictures and reports them.
 pub fn shoot(
     cli: &Cli,
     args: &RenderArgs,
@@ -234,7 +234,7 @@ pub fn shoot(
         return Err(failure);
     }
     if let Err(error) = outcome {
-        // A film without samples has nothing to go on with.
+        // A film without samples is not saved.
         if film.samples() > 0 {
             save(&film)?;
         }
@@ -263,7 +263,7 @@ pub fn shoot(
     output::write_set(&files)?;
     match args.keep_sums {
         true => save(&film)?,
-        // Sums that were never written, or are gone already, need no removal.
+        // Sums that do not exist need no removal.
         false => drop(std::fs::remove_file(&outputs.sums)),
     }
     let mut notes = about.notes;
@@ -271,7 +271,7 @@ pub fn shoot(
     tell(cli, args, outputs, (&film, first), time, &facts, &notes)
 }
 
-/// What is said of light that paths left out because they were cut.
+/// Note on the light that cut paths omit.
 fn cut_note(args: &RenderArgs, share: f64) -> Option<String> {
     (share > TOLD).then(|| {
         let (percent, depth) = (100.0 * share, args.depth);
@@ -281,7 +281,7 @@ fn cut_note(args: &RenderArgs, share: f64) -> Option<String> {
     })
 }
 
-/// Says what came out.
+/// Reports the result.
 fn tell(
     cli: &Cli,
     args: &RenderArgs,
@@ -329,12 +329,12 @@ impl From<Scene> for Setup {
     }
 }
 
-/// The ready-made scene.
+/// The predefined scene that the flags select.
 pub fn setup(args: &RenderArgs) -> Scene {
     args.setup.unwrap_or(Scene::Front)
 }
 
-/// What was done to a mesh, a line each.
+/// Notes on the import of a mesh, one per line.
 pub fn mesh_notes(file: &Path, notes: &MeshNotes) -> Vec<String> {
     let file = file.display();
     let scale = report::number(notes.mm_per_unit);
@@ -354,10 +354,10 @@ pub fn mesh_notes(file: &Path, notes: &MeshNotes) -> Vec<String> {
     lines
 }
 
-/// The mesh of the flags, of a largest extent [mm], with what was done to it.
+/// The mesh that the flags select, scaled to the largest extent `size` [mm], with notes on its import.
 pub fn mesh(args: &RenderArgs, size: f32, notes: &mut Vec<String>) -> Outcome<Option<Mesh>> {
     let Some(file) = &args.mesh else { return Ok(None) };
-    let (mesh, told) = Mesh::obj(file, 1000.0 * args.cloth_mm as f32, size).map_err(failed)?;
-    notes.extend(mesh_notes(file, &told));
+    let (mesh, reported) = Mesh::obj(file, 1000.0 * args.cloth_mm as f32, size).map_err(failed)?;
+    notes.extend(mesh_notes(file, &reported));
     Ok(Some(mesh))
 }

@@ -1,4 +1,4 @@
-//! A yarn in words.
+//! Descriptions of yarns in words.
 
 use crate::report::{counted, number};
 use plywave::spec::{FiberSpec, Shape, YarnSpec};

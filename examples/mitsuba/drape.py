@@ -1,6 +1,6 @@
 """A square of cloth that falls over a ball and comes to rest on it and on the floor, as a mesh with texture coordinates.
 
-Position-based dynamics with small steps (Macklin et al. 2019), as ``plywave render --setup drape`` has it (render/src/drape.rs), on a coarser sheet.
+Position-based dynamics with small steps (Macklin et al. 2019), as ``plywave render --setup drape`` has it (render/src/surface/drape.rs), on a coarser sheet.
 
     python examples/mitsuba/drape.py drape.ply
 """

@@ -38,7 +38,7 @@ def jersey(alpha, seed):
     cloth = {
         "name": "filament jersey",
         "knit": {"kind": "jersey", "wales_per_cm": 23, "courses_per_cm": 33, "loop_mm": 1.63},
-        "yarn": {"model": f"yarn_{alpha}.pwm", "count": {"tex": 7.3}, "density_g_per_cm3": 1.38, "packing": 0.675},
+        "yarn": {"model": f"yarn_{alpha}.pwm", "fiber": "polyester", "count": "7.3 tex", "packing": 0.675},
     }
     return plywave.Cloth(cloth, folder=folder, sigma_per_um=0.001)
 

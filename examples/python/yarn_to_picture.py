@@ -67,7 +67,7 @@ jersey = plywave.Cloth(
     {
         "name": "filament jersey",
         "knit": {"kind": "jersey", "wales_per_cm": 23, "courses_per_cm": 33, "loop_mm": 1.63},
-        "yarn": {"model": "yarn.pwm", "count": {"tex": 7.3}, "density_g_per_cm3": 1.38, "packing": 0.675, "srgb": [0.12, 0.30, 0.55]},
+        "yarn": {"model": "yarn.pwm", "fiber": "polyester", "count": "7.3 tex", "packing": 0.675, "color": [0.12, 0.30, 0.55]},
     },
     folder=folder,
     progress=True,

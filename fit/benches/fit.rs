@@ -6,8 +6,8 @@ mod planted;
 
 use criterion::{Criterion, criterion_group, criterion_main};
 use planted::Planted;
-use plywave::table::OutgoingGrid;
 use plywave_fit::{FitOptions, Scratch, SphereGrid, fit_block};
+use plywave_tables::table::OutgoingGrid;
 use std::hint::black_box;
 
 fn plan() -> Planted {

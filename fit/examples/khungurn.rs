@@ -10,10 +10,10 @@
 //! the only correction of the exposure.
 
 use plywave::color::{RGB_LAMBDA_UM, srgb_decode};
-use plywave::fiber::dual_scattering::{DualOptions, DualScattering};
-use plywave::fiber::{KhungurnFiber, KhungurnParameters, RoughDielectricFiber, RoughDielectricParameters};
 use plywave::frame::direction;
-use plywave::{FiberModel, FiberQuery};
+use plywave_fiber::dual_scattering::{DualOptions, DualScattering};
+use plywave_fiber::{FiberModel, FiberQuery};
+use plywave_fiber::{KhungurnFiber, KhungurnParameters, RoughDielectricFiber, RoughDielectricParameters};
 use plywave_fit::{SwatchOptions, SwatchSample, fit_khungurn, fit_khungurn_swatch};
 
 /// Mean linear red, green and blue of a rectangle of a picture over those of white.

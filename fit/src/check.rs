@@ -1,9 +1,9 @@
 //! Checks of a table before a fit.
 
 use crate::error::FitError;
-use plywave::table::Table;
+use plywave_tables::table::Table;
 
-/// Refuses tables whose arrays do not fit together or whose incidences make no blocks.
+/// Refuses tables with inconsistent arrays or whose incidences do not form blocks.
 pub(crate) fn check_table(table: &Table) -> Result<(), FitError> {
     let bad = |field, value: String, hint| Err(FitError::Table { field, value, hint });
     let (m, n, k, bins) = (table.theta_i.len(), table.h_um.len(), table.sigma_per_um.len(), table.grid.len());

@@ -1,4 +1,4 @@
-//! Diagnostic fits of one slice alone or one block alone.
+//! Diagnostic fits of a single slice or a single block.
 
 use crate::check::check_table;
 use crate::error::FitError;
@@ -8,17 +8,17 @@ use crate::lobes::block::{BlockEffort, CORNERS, Target, coarse_grid, fit_joint};
 use crate::lobes::sphere::{Scratch, SphereGrid};
 use plywave::ply::LobeKind;
 use plywave::ply::asg::PARAMS;
-use plywave::table::Table;
+use plywave_tables::table::Table;
 use rayon::prelude::*;
 
 /// A fitted part: lobe parameters `[sets][lobes][6]` and their cost.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PartFit {
-    /// Lobes of the free parameter sets: of the slice, or of a block's four corners.
+    /// Lobes of the free parameter sets: one for a slice, four for the corners of a block.
     pub params: Vec<f64>,
     /// Sum over slices of the squared relative distance to the table, noise included.
     pub cost: f64,
-    /// Evaluations of cost and gradient.
+    /// Number of evaluations of cost and gradient.
     pub evaluations: usize,
 }
 
@@ -41,7 +41,7 @@ pub fn fit_block(
     Ok(PartFit { params: fit.params, cost: fit.cost, evaluations: fit.evaluations })
 }
 
-/// Kind of a table's slice.
+/// Kind of a slice of a table.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Part {
     /// f_refl.
@@ -50,10 +50,10 @@ pub enum Part {
     High,
 }
 
-/// Fits `lobes` lobes to each slice of `table` at `nodes` alone and returns the excess error of each against
-/// `other`, a table of the same yarn and grids with another seed: the least error of a model with so many
-/// lobes. The error is squared, negative where the slice has less noise than expected (so that means are
-/// unbiased), and NaN where noise hides it.
+/// Fits `lobes` lobes to each slice of `table` at `nodes` separately. Returns the excess error of each
+/// against `other`, a table of the same yarn and grids with another seed; it is the smallest error of a model
+/// with that many lobes. The error is squared. It is negative if the slice has less noise than expected, so
+/// that means are unbiased, and NaN if noise hides it.
 pub fn fit_single_slices(
     table: &Table,
     other: &Table,

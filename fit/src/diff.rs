@@ -1,4 +1,4 @@
-//! Comparison of two models: their values, their energies, and the drift of their lobes.
+//! Compares two models: their values, their energies, and the drift of their lobes.
 
 use crate::error::FitError;
 use crate::lobes::canonical::canonical_order;
@@ -7,7 +7,7 @@ use crate::lobes::sphere::{Scratch, SphereGrid};
 use plywave::ply::LobeKind;
 use plywave::ply::PlyData;
 use plywave::ply::asg::{Lobe, PARAMS};
-use plywave::table::OutgoingGrid;
+use plywave_tables::table::OutgoingGrid;
 use rayon::prelude::*;
 
 /// Largest differences that count as equal.
@@ -17,7 +17,7 @@ pub struct DiffTolerance {
     pub l2: f64,
     /// Energy of a slice, absolute (1 = the whole beam).
     pub energy: f64,
-    /// Turn of a lobe's axis [rad]; infinite by default, since different lobes may give the same density.
+    /// Rotation of a lobe's axis [rad]; infinite by default, since different lobes may give the same density.
     pub drift_rad: f64,
 }
 
@@ -27,18 +27,18 @@ impl Default for DiffTolerance {
     }
 }
 
-/// Largest differences between matched lobes, over lobes of at least 2 % of their slice's energy.
+/// Largest differences between matched lobes with at least 2 % of their slice's energy.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct LobeDrift {
     /// Angle between the axes [rad].
     pub axis_rad: f64,
-    /// Difference of ln mu, the larger of the two.
+    /// Difference of ln mu, the larger one of the two bandwidths.
     pub ln_mu: f64,
-    /// Difference of the energies' shares.
+    /// Difference of the fractions of energy.
     pub share: f64,
 }
 
-/// Differences per slice, at the nodes and, for `*_between`, at the centers of the cells.
+/// Differences by slice, at the nodes and, for `*_between`, at the centers of the cells.
 #[derive(Clone, Debug, PartialEq)]
 pub struct DiffReport {
     /// `[M][H]`: relative L2 distance of f_refl.
@@ -49,12 +49,12 @@ pub struct DiffReport {
     pub refl_between: Vec<f64>,
     /// `[M-1][H-1]`: relative L2 distance of f_high at sigma = 0 at the centers of the cells.
     pub high_between: Vec<f64>,
-    /// Largest difference of r_d, the energy of f_refl or of f_high at sigma_k over the nodes and half way
-    /// between them.
+    /// Largest difference of r_d and of the energies of f_refl and f_high at sigma_k, over the nodes and the
+    /// points halfway between them.
     pub energy: f64,
-    /// Drift of the reflection lobes over all nodes; none when the models differ in their number.
+    /// Drift of the reflection lobes over all nodes; `None` if the models differ in their number.
     pub drift_refl: Option<LobeDrift>,
-    /// Drift of the high-order lobes over all nodes; none when the models differ in their number.
+    /// Drift of the high-order lobes over all nodes; `None` if the models differ in their number.
     pub drift_high: Option<LobeDrift>,
     /// Largest relative L2 distance of all.
     pub worst: f64,

@@ -1,12 +1,13 @@
-//! Edge lobes (Yu 2025, 6.1): one lobe for each (wavelength, e = R - |h|), fitted to the far field of a beam
-//! cut by the half plane x > e.
+//! Fits edge lobes (Yu 2025, 6.1): one lobe for each (wavelength, e = R - |h|), fitted to the far field of a
+//! beam that the half plane x > e cuts off.
 //!
-//! The aperture is `[e, d_cut] x [-d_cut, d_cut]` (Eq. 17), the beam's center at the origin, incidence
-//! normal. Pattern and lobe have equal energy, and the two bandwidths minimize their squared distance over
-//! the hemisphere. At e = d_cut the aperture has closed; the node there is the limit of a narrow slit.
+//! The aperture is `[e, d_cut] x [-d_cut, d_cut]` (Eq. 17), with the beam's center at the origin and normal
+//! incidence. Pattern and lobe have equal energy, and the two bandwidths minimize their squared distance over
+//! the hemisphere. At e = d_cut the aperture is closed; the node there is the limit of a narrow slit.
 //!
-//! The same bandwidths hold for tilted light: across the ply nothing changes, and along it the longer cross
-//! section of the tilted beam compensates for the foreshortened plane (test: `lobes_hold_for_tilted_light`).
+//! The same bandwidths hold for tilted light: tilting changes nothing across the ply, and along it the longer
+//! cross section of the tilted beam compensates for the foreshortened plane (test:
+//! `lobes_hold_for_tilted_light`).
 
 use crate::optimize::minimize::{MinimizeOptions, minimize_bounded};
 use plywave::math::faddeeva::diffraction_factor;
@@ -15,20 +16,20 @@ use plywave::ply::{EDGE_MU_MAX, EdgeLobes, beam_mu};
 use plywave::spec::{GaussianBeam, YarnSpec};
 use std::f64::consts::FRAC_PI_2;
 
-/// Sizes of the table.
+/// Axes of the table of edge lobes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct EdgeOptions {
     /// First and last wavelength [um].
     pub lambda_um: [f64; 2],
-    /// Wavelengths, at least 2.
+    /// Number of wavelengths, at least 2.
     pub lambdas: usize,
-    /// Values of e from -d_cut to d_cut, at least 2.
+    /// Number of values of e from -d_cut to d_cut, at least 2.
     pub insides: usize,
 }
 
 impl Default for EdgeOptions {
-    /// Visible light in steps of 0.05 um, e in steps of a sixteenth of d_cut: interpolation then adds less
-    /// than the lobe's own misfit.
+    /// Visible light in steps of 0.05 um and e in steps of a sixteenth of d_cut: interpolation then adds less
+    /// error than the lobe's own misfit.
     fn default() -> Self {
         EdgeOptions { lambda_um: [0.38, 0.78], lambdas: 9, insides: 33 }
     }
@@ -37,7 +38,7 @@ impl Default for EdgeOptions {
 /// Lobes and their errors against the diffraction integral.
 #[derive(Clone, Debug, PartialEq)]
 pub struct EdgeFit {
-    /// The lobes, for a model.
+    /// The edge lobes for a model.
     pub lobes: EdgeLobes,
     /// `[L][E]`: relative L2 distance of the lobe from the integral, at equal energy.
     pub error: Vec<f64>,
@@ -49,7 +50,7 @@ pub fn fit_edge(spec: &YarnSpec, options: &EdgeOptions) -> EdgeFit {
     fit_edge_lobes(&spec.beam.beam(), a.max(b), options)
 }
 
-/// Fits the edge lobes of a ply of radius R [um] in a beam.
+/// Fits the edge lobes of a ply with radius R [um] in a beam.
 pub fn fit_edge_lobes(beam: &GaussianBeam, radius_um: f64, options: &EdgeOptions) -> EdgeFit {
     let axis = |low: f64, high: f64, n: usize| -> Vec<f64> {
         let n = n.max(2);
@@ -60,7 +61,7 @@ pub fn fit_edge_lobes(beam: &GaussianBeam, radius_um: f64, options: &EdgeOptions
     let (mut ln_mu, mut error) = (Vec::new(), Vec::new());
     for lambda in &lambda_um {
         let hemisphere = Hemisphere::new(beam, *lambda);
-        // Start from the uncut beam's bandwidths, then from the neighbor's.
+        // Each fit starts from the neighbor's bandwidths, the first from those of the uncut beam.
         let mut start = [beam_mu(beam.w0_um, *lambda).ln(); 2];
         for inside in &inside_um {
             let pattern = hemisphere.pattern(*inside);
@@ -80,7 +81,7 @@ pub fn edge_error(beam: &GaussianBeam, lambda_um: f64, inside_um: f64, ln_mu: [f
     hemisphere.cost(&pattern, ln_mu, &mut [0.0; 2]).sqrt()
 }
 
-/// Least width [um] of an aperture, for the node where it is closed.
+/// Smallest width [um] of an aperture, for the node at which it is closed.
 const MIN_WIDTH_UM: f64 = 1e-3;
 
 /// A quarter of the forward hemisphere (pattern and lobe are even in u and w), in the variables u and psi,
@@ -89,17 +90,17 @@ struct Hemisphere<'a> {
     beam: &'a GaussianBeam,
     lambda_um: f64,
     rows: Vec<(f64, Vec<[f64; 4]>)>,
-    /// Factor along the ply and cosines at the nodes.
+    /// Factor of the pattern along the ply, and cosines at the nodes.
     along: Vec<Vec<f64>>,
 }
 
-/// A pattern at the nodes, of energy 1, and the integral of its square.
+/// A pattern at the nodes, normalized to energy 1, and the integral of its square.
 struct Pattern {
     value: Vec<Vec<f64>>,
     norm2: f64,
 }
 
-/// Nodes and weights on [0, `end`]: 3-point Gauss panels of `step`, growing with the distance from 0.
+/// Nodes and weights on [0, `end`]: 3-point Gauss panels of width `step`, growing with the distance from 0.
 fn panels(step: f64, end: f64) -> Vec<(f64, f64)> {
     const GAUSS: [(f64, f64); 3] =
         [(0.112_701_665_379_258_31, 5.0 / 18.0), (0.5, 8.0 / 18.0), (0.887_298_334_620_741_7, 5.0 / 18.0)];
@@ -119,7 +120,7 @@ fn square([re, im]: [f64; 2]) -> f64 {
 
 impl<'a> Hemisphere<'a> {
     fn new(beam: &'a GaussianBeam, lambda_um: f64) -> Self {
-        // Panels of half a standard deviation of the uncut beam.
+        // The panels are half a standard deviation of the uncut beam wide.
         let step = 0.5 / (2.0 * beam_mu(beam.w0_um, lambda_um)).sqrt();
         let columns = panels(step, FRAC_PI_2);
         let (d, w0) = (beam.d_cut_um, beam.w0_um);
@@ -157,13 +158,13 @@ impl<'a> Hemisphere<'a> {
         Pattern { value, norm2: norm2 / (energy * energy) }
     }
 
-    /// Squared relative distance of the lobe, and its gradient.
+    /// Squared relative distance of the lobe from the pattern, and its gradient.
     fn cost(&self, pattern: &Pattern, ln_mu: [f64; 2], gradient: &mut [f64]) -> f64 {
         let mu = ln_mu.map(f64::exp);
         let (unit, d1, d2) = unit_energy_gradient(mu[0], mu[1]);
         let (mut cost, mut g) = (0.0, [0.0; 2]);
         for ((_, row), line) in self.rows.iter().zip(&pattern.value) {
-            // The row shares one factor of the exponential.
+            // All nodes of a row share one factor of the exponential.
             let across = (-mu[0] * row[0][0]).exp() / unit;
             for ([u2, w2, c, area], v) in row.iter().zip(line) {
                 let lobe = across * (-mu[1] * w2).exp() * c;
@@ -179,7 +180,7 @@ impl<'a> Hemisphere<'a> {
         cost / pattern.norm2
     }
 
-    /// Best bandwidths from `start`, and the relative distance.
+    /// Best bandwidths, found from `start`, and the relative distance.
     fn fit(&self, pattern: &Pattern, start: [f64; 2]) -> ([f64; 2], f64) {
         let options = MinimizeOptions { iterations: 60, tolerance: 1e-9, memory: 5 };
         let (low, high) = ([MU_MIN.ln(); 2], [EDGE_MU_MAX.ln(); 2]);
@@ -213,8 +214,8 @@ mod tests {
         }
     }
 
-    /// A beam that passes far from the ply keeps its own divergence; cut in its middle, it spreads across the
-    /// ply and not along it.
+    /// A beam far from the ply keeps its own divergence; a beam cut at its center spreads across the ply and
+    /// not along it.
     #[test]
     fn uncut_beam_keeps_its_divergence() {
         let options = EdgeOptions { lambda_um: [0.45, 0.65], lambdas: 2, insides: 3 };
@@ -227,14 +228,14 @@ mod tests {
             assert!((open1 - beam).abs() < 0.05 && (open2 - beam).abs() < 0.05, "{open1} {open2} {beam}");
             assert!(fit.error[l * 3] < 0.05, "{}", fit.error[l * 3]);
             let [half1, half2] = node(1);
-            // Energy that the lobe cannot put into the tails across the ply broadens it along the ply too, by
-            // 6 %.
+            // Energy that the lobe cannot represent in the tails across the ply broadens it along the ply
+            // too, by 6 %.
             assert!(half1 < beam - 0.5 && (half2 - beam).abs() < 0.2, "{half1} {half2} {beam}");
             assert!(node(2)[0] < 3.0, "a slit of no width spreads over all angles: {}", node(2)[0]);
         }
     }
 
-    /// Relative L2 distance of the lobe from the integral of light at latitude `tilt`, whose cross section
+    /// Relative L2 distance of the lobe from the integral for light at latitude `tilt`, whose cross section
     /// along the ply is longer by 1/cos(tilt).
     fn tilted_error(lobe: &plywave::ply::asg::Lobe, lambda: f64, inside: f64, tilt: f64) -> f64 {
         let (s, c) = tilt.sin_cos();
@@ -275,7 +276,7 @@ mod tests {
         }
     }
 
-    /// Bandwidths between nodes are as good as fitted ones.
+    /// Interpolated bandwidths are as accurate as fitted ones.
     #[test]
     fn interpolation_adds_little() {
         let fit = fit_edge_lobes(&BEAM, 90.0, &EdgeOptions::default());

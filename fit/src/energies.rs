@@ -2,17 +2,18 @@
 
 use crate::lobes::absorption::{choose_paths, energy_spectrum};
 use plywave::ply::{PlyData, PlyEnergies, spline_coefficients};
-use plywave::table::{Table, TableEnergies};
+use plywave_tables::table::{Table, TableEnergies};
 use rayon::prelude::*;
 
-/// Largest sum of the shares of a coefficient, as at a table's nodes: splines overshoot beside a sudden fall.
+/// Largest sum of the coefficients of all energies, as at a table's nodes; splines overshoot beside a sudden
+/// fall.
 const MAX: f64 = 1.049;
 
-/// The splines of a table's energies, and the path lengths [um] of their spectra: the given ones, or those
-/// that fit the table best.
+/// The splines of a table's energies, and the path lengths [um] of their spectra: `path_um`, or those that
+/// fit the table best.
 ///
-/// The coefficients undo the blur of the splines, which sharpens noise too. Values that fall below 0 are set
-/// to 0, and the sum of the shares at sigma = 0 is kept.
+/// The coefficients invert the smoothing by the splines, which amplifies noise too. Negative values are set
+/// to 0, and the sum of the fractions at sigma = 0 is preserved.
 pub(crate) fn energy_splines(table: &Table, path_um: Option<&[f64]>) -> (PlyEnergies, Vec<f64>) {
     let energies = &*table.fine_energies();
     let TableEnergies { miss_theta_i, miss_h_um, share_theta_i, share_h_um, .. } = energies.clone();
@@ -22,7 +23,7 @@ pub(crate) fn energy_splines(table: &Table, path_um: Option<&[f64]>) -> (PlyEner
     let high: Vec<Vec<f64>> = (0..sigmas)
         .map(|k| spline(&energies.share_high.iter().skip(k).step_by(sigmas).copied().collect::<Vec<_>>()))
         .collect();
-    // Per node: f_refl, then f_high at each sigma.
+    // Values at each node: f_refl, then f_high at each sigma.
     let shares: Vec<(f64, Vec<f64>)> = (0..rows * columns)
         .map(|i| {
             let all = (refl[i] + high[0][i]).clamp(0.0, MAX);
@@ -47,14 +48,14 @@ pub(crate) fn energy_splines(table: &Table, path_um: Option<&[f64]>) -> (PlyEner
     (splines, path_um)
 }
 
-/// Coefficients of r_d.
+/// Spline coefficients of r_d.
 fn missed(energies: &TableEnergies) -> Vec<f64> {
     let (rows, columns) = (energies.miss_theta_i.len(), energies.miss_h_um.len());
     spline_coefficients(&energies.miss, rows, columns).into_iter().map(|c| c.clamp(0.0, 1.0)).collect()
 }
 
-/// Whether a model was fitted to this table, judged by its missed light: tables of other seeds or numbers of
-/// paths have other noise.
+/// Whether a model was fitted to this table, according to its missed light: tables of other seeds or numbers
+/// of paths have other noise.
 pub fn has_energies_of(model: &PlyData, table: &Table) -> bool {
     let (own, held) = (missed(&table.fine_energies()), &model.energies.miss);
     own.len() == held.len() && own.iter().zip(held).all(|(a, b)| *a as f32 == *b as f32)

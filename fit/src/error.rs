@@ -1,4 +1,4 @@
-//! Errors of the fitter: values, not prose. Each prints as one line.
+//! Errors of the fitter, with values as fields. Each prints as one line.
 
 /// Errors of a fit.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -13,7 +13,7 @@ pub enum FitError {
         /// Accepted values.
         hint: &'static str,
     },
-    /// The model of a table could not be saved, whatever its lobes.
+    /// The model of a table could not be saved, independent of its lobes.
     #[error("table: {key} = {value} of its model: {hint}; such a model could not be saved")]
     Unsavable {
         /// Field of the model.

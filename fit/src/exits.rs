@@ -1,22 +1,22 @@
-//! Exit positions of a ply, fitted to the exits in a table.
+//! Fits the exit positions of a ply to the exits recorded in a table.
 //!
-//! At each incidence, absorption and azimuth the table has the distribution of the lateral position t at
-//! which light leaves. Polynomials of the azimuth (`plywave::ply::ExitOffsets`) are fitted to its mean by
+//! At each incidence, absorption and azimuth, the table contains the distribution of the lateral position t
+//! at which light leaves. Polynomials of the azimuth (`plywave::ply::ExitOffsets`) are fitted to its mean by
 //! least squares, weighted by the light of the azimuth, with equal weight for each absorption. The densities
-//! about these means have one length per kind for all incidences, fitted to the recorded cumulative shares by
-//! least squares weighted by the light.
+//! about these means have one length per kind of light for all incidences, fitted to the recorded cumulative
+//! distributions by least squares weighted by the light.
 
 use plywave::ply::{
     EXIT_KINDS, EXIT_LENGTH_UM, EXIT_LENGTHS, EXIT_TERMS, ExitOffsets, ExitShape, USUAL_EXIT_LENGTHS, exit_terms,
 };
-use plywave::table::Table;
+use plywave_tables::table::Table;
 use rayon::prelude::*;
 
-/// Number of trial lengths, evenly spaced in their logarithm, and rounds of the search for those of clear and
-/// of dark fibers, which depend on each other.
+/// Number of trial lengths, evenly spaced in their logarithm, and number of rounds of the search for the
+/// lengths of clear and of dark fibers, which depend on each other.
 const TRIED: usize = 28;
 const ROUNDS: usize = 3;
-/// Share of the light of a kind below which its length is undetermined.
+/// Fraction of the light of a kind below which its length is undetermined.
 const MIN_LIGHT: f64 = 1e-3;
 
 /// Normal equations of `N` coefficients.
@@ -37,7 +37,7 @@ impl<const N: usize> Fit<N> {
     }
 
     fn solve(mut self) -> [f64; N] {
-        // Where there is hardly any light, the offset is small.
+        // The ridge makes the offset small where there is hardly any light.
         let ridge = 1e-3 * self.normal.trace() / N as f64 + 1e-12;
         for i in 0..N {
             self.normal[(i, i)] += ridge;
@@ -49,13 +49,13 @@ impl<const N: usize> Fit<N> {
 /// Exits of one incidence, absorption and azimuth, as in the table.
 struct Recorded<'a> {
     incidence: usize,
-    /// 0 for single reflection, then the absorptions.
+    /// Channel: 0 for single reflection, then the absorptions.
     channel: usize,
     terms: [f32; EXIT_TERMS],
     light: f64,
-    /// Share of the light of all azimuths.
+    /// Fraction of the light of all azimuths.
     part: f64,
-    /// Shares over equal parts of [-1, 1].
+    /// Fractions over equal parts of [-1, 1].
     shares: &'a [f32],
 }
 
@@ -86,7 +86,7 @@ fn recorded(table: &Table) -> Vec<Recorded<'_>> {
     found
 }
 
-/// Share v of the clear fibers' kind by channel; 0 for single reflection, which is a separate kind.
+/// Fraction v of the clear fibers' kind, by channel; 0 for single reflection, which is a separate kind.
 fn clear_shares(table: &Table) -> Vec<f64> {
     let of = |sigma: &f64| 1.0 / (1.0 + EXIT_LENGTH_UM * sigma);
     std::iter::once(0.0).chain(table.sigma_per_um.iter().map(of)).collect()
@@ -97,11 +97,11 @@ pub fn fit_exits(table: &Table) -> Option<ExitOffsets> {
     table.exit.as_ref()?;
     let (all, clear) = (recorded(table), clear_shares(table));
     let mut mean = Vec::with_capacity(table.theta_i.len() * table.h_um.len() * EXIT_KINDS * EXIT_TERMS);
-    let mut left = all.iter().peekable();
+    let mut remaining = all.iter().peekable();
     for incidence in 0..table.theta_i.len() * table.h_um.len() {
         let mut refl = Fit::<EXIT_TERMS>::new();
         let mut high = Fit::<{ 2 * EXIT_TERMS }>::new();
-        while let Some(of) = left.next_if(|of| of.incidence == incidence) {
+        while let Some(of) = remaining.next_if(|of| of.incidence == incidence) {
             let Some(value) = mean_of(of.shares) else { continue };
             let terms = of.terms.map(f64::from);
             if of.channel == 0 {
@@ -119,8 +119,8 @@ pub fn fit_exits(table: &Table) -> Option<ExitOffsets> {
     Some(ExitOffsets { mean, length })
 }
 
-/// Lengths of the densities, over R, about the means `[M][H][EXIT_KINDS][EXIT_TERMS]` of a table's exits; the
-/// default length for a kind without light.
+/// Lengths of the densities, relative to R, about the means `[M][H][EXIT_KINDS][EXIT_TERMS]` of a table's
+/// exits; the default length for a kind without light.
 ///
 /// # Panics
 /// If the nodes of the means differ from the table's.
@@ -129,10 +129,10 @@ pub fn fit_exit_lengths(table: &Table, mean: &[f64]) -> [f64; EXIT_KINDS] {
 }
 
 fn lengths(all: &[Recorded<'_>], clear: &[f64], mean: &[f64]) -> [f64; EXIT_KINDS] {
-    let [least, most] = EXIT_LENGTHS;
-    let tried: Vec<f64> = (0..TRIED).map(|i| least * (most / least).powf(i as f64 / (TRIED - 1) as f64)).collect();
+    let [min, max] = EXIT_LENGTHS;
+    let tried: Vec<f64> = (0..TRIED).map(|i| min * (max / min).powf(i as f64 / (TRIED - 1) as f64)).collect();
     let shapes: Vec<ExitShape> = tried.iter().map(|length| ExitShape::new(*length)).collect();
-    // Sum of squared differences of cumulative shares, with these shapes of the kinds.
+    // The error is the sum of squared differences of cumulative distributions for these lengths of the kinds.
     let error = |[refl, high, dark]: [usize; EXIT_KINDS], is_refl: bool| -> f64 {
         let of = |of: &Recorded<'_>| {
             let positions = of.shares.len();
@@ -158,8 +158,8 @@ fn lengths(all: &[Recorded<'_>], clear: &[f64], mean: &[f64]) -> [f64; EXIT_KIND
         let here: Vec<f64> = all.par_iter().filter(|of| (of.channel == 0) == is_refl).map(of).collect();
         here.iter().sum()
     };
-    let lit = |is_refl: bool| all.iter().filter(|of| (of.channel == 0) == is_refl).map(|of| of.light).sum::<f64>();
-    let (refl, high) = (lit(true), lit(false));
+    let light_of = |is_refl: bool| all.iter().filter(|of| (of.channel == 0) == is_refl).map(|of| of.light).sum::<f64>();
+    let (refl, high) = (light_of(true), light_of(false));
     let usual = USUAL_EXIT_LENGTHS.map(|length| {
         (0..TRIED).min_by(|i, j| (tried[*i] - length).abs().total_cmp(&(tried[*j] - length).abs())).unwrap_or(0)
     });
@@ -176,17 +176,17 @@ fn lengths(all: &[Recorded<'_>], clear: &[f64], mean: &[f64]) -> [f64; EXIT_KIND
                     error(with, kind == 0)
                 })
                 .collect();
-            let least = (0..TRIED).min_by(|i, j| errors[*i].total_cmp(&errors[*j])).unwrap_or(best[kind]);
-            best[kind] = least;
-            // The minimum of a parabola through it and its neighbors.
-            let step = match errors.get(least.wrapping_sub(1)..least + 2) {
+            let min = (0..TRIED).min_by(|i, j| errors[*i].total_cmp(&errors[*j])).unwrap_or(best[kind]);
+            best[kind] = min;
+            // The best length is at the minimum of a parabola through the best trial and its neighbors.
+            let step = match errors.get(min.wrapping_sub(1)..min + 2) {
                 Some([a, b, c]) if a + c > 2.0 * b => 0.5 * (a - c) / (a - 2.0 * b + c),
                 _ => 0.0,
             };
-            found[kind] = tried[least] * (most / tried[0]).powf(step / (TRIED - 1) as f64);
+            found[kind] = tried[min] * (max / tried[0]).powf(step / (TRIED - 1) as f64);
         }
     }
-    found.map(|length| length.clamp(least, most))
+    found.map(|length| length.clamp(min, max))
 }
 
 /// Mean of a distribution over equal parts of [-1, 1].

@@ -1,7 +1,7 @@
-//! Lobes of a family of plies, fitted together (`plywave::ply::PlyFamily`).
+//! Fits the lobes of a family of plies together (`plywave::ply::PlyFamily`).
 //!
-//! Separate fits of the nodes end in different minima: lobes in another order, axes turned by up to 159
-//! degrees. Such lobes cannot be interpolated. Here
+//! Separate fits of the nodes end in different minima, with lobes in another order and axes rotated by up to
+//! 159 degrees; such lobes cannot be interpolated. Here
 //!
 //! 1. the node in the middle of the family is fitted as a separate model;
 //! 2. every other node is fitted from the lobes of a fitted neighbor, with no other start and no moves. So
@@ -26,42 +26,42 @@ use crate::lobes::block::coarse_grid;
 use crate::lobes::sphere::SphereGrid;
 use crate::options::FitOptions;
 use plywave::ply::{EdgeLobes, FamilyAxis, FamilyData, FamilyParam, PlyData, spline_coefficients};
-use plywave::table::Table;
+use plywave_tables::table::Table;
 use rayon::prelude::*;
 use std::sync::Arc;
 
-/// A table between the nodes, and the nodes around it with their weights.
+/// A table between the nodes, with the surrounding nodes and their weights.
 pub struct FamilyMiddle {
     /// Nodes and their weights, which add up to 1.
     pub corners: Vec<(usize, f64)>,
-    /// The simulated table there.
+    /// The simulated table at this position.
     pub table: Arc<Table>,
 }
 
 /// The tables of a family. All have the same grids, absorptions and seed.
 pub struct FamilyTables<'a> {
-    /// The spec with its ranges, as given.
+    /// The spec with its ranges, in the user's text.
     pub spec_text: &'a str,
     /// The axes.
     pub axes: &'a [FamilyAxis],
     /// Tables at the nodes, the last axis fastest.
     pub nodes: &'a [Arc<Table>],
-    /// Tables between them; there may be none.
+    /// Tables between the nodes; the list may be empty.
     pub middles: &'a [FamilyMiddle],
     /// Edge lobes, shared by all nodes.
     pub edge: Option<EdgeLobes>,
 }
 
-/// The order in which nodes are fitted, each with the neighbor that it starts from: the middle one first,
-/// then each after a neighbor along an axis.
+/// The order in which nodes are fitted, each with the neighbor from which it starts: first the middle node,
+/// then each node after a neighbor along an axis.
 fn order(axes: &[FamilyAxis]) -> Vec<(usize, Option<usize>)> {
     let sizes: Vec<usize> = axes.iter().map(|a| a.values.len()).collect();
     let index = |at: &[usize]| at.iter().zip(&sizes).fold(0, |sum, (i, n)| sum * n + i);
     let middle: Vec<usize> = sizes.iter().map(|n| n / 2).collect();
     let mut out = vec![(index(&middle), None)];
     let mut queue = std::collections::VecDeque::from([middle]);
-    let mut seen = vec![false; sizes.iter().product()];
-    seen[out[0].0] = true;
+    let mut visited = vec![false; sizes.iter().product()];
+    visited[out[0].0] = true;
     while let Some(at) = queue.pop_front() {
         for axis in 0..sizes.len() {
             for up in [false, true] {
@@ -74,8 +74,8 @@ fn order(axes: &[FamilyAxis]) -> Vec<(usize, Option<usize>)> {
                     continue;
                 }
                 let node = index(&next);
-                if !seen[node] {
-                    seen[node] = true;
+                if !visited[node] {
+                    visited[node] = true;
                     out.push((node, Some(index(&at))));
                     queue.push_back(next);
                 }
@@ -85,14 +85,14 @@ fn order(axes: &[FamilyAxis]) -> Vec<(usize, Option<usize>)> {
     out
 }
 
-/// Curves of absorption among which the common path lengths are chosen.
+/// Number of absorption curves from which the common path lengths are chosen.
 const CURVES: usize = 600;
 
 /// Fits a family to its tables. The result depends on the tables and options alone, not on the number of
 /// threads.
 ///
 /// # Errors
-/// As [`crate::fit`]; [`FitError::Axes`] for tables of different grids.
+/// Those of [`crate::fit`]; [`FitError::Axes`] for tables of different grids.
 pub fn fit_family(
     tables: &FamilyTables<'_>,
     options: &FitOptions,
@@ -116,7 +116,7 @@ pub fn fit_family(
         }
     }
     let sigmas = first.sigma_per_um.len();
-    // Common path lengths: those that fit the energies of all nodes best.
+    // The common path lengths are those that fit the energies of all nodes best.
     let curves: Vec<Vec<f64>> =
         tables.nodes.iter().flat_map(|t| t.energy_high.chunks_exact(sigmas).map(<[f64]>::to_vec)).collect();
     let every = curves.len().div_ceil(CURVES).max(1);
@@ -165,12 +165,12 @@ pub fn fit_family(
     })
 }
 
-/// Data shared by the fits of lobes.
+/// Inputs shared by the fits of lobes.
 struct Work<'a> {
     sphere: &'a SphereGrid,
     coarse: Option<SphereGrid>,
     tables: &'a FamilyTables<'a>,
-    /// Nodes, then middles.
+    /// Tables of the nodes, then of the middles.
     all: &'a [&'a Table],
     order: Vec<(usize, Option<usize>)>,
     options: &'a FitOptions,
@@ -185,8 +185,8 @@ impl Work<'_> {
     }
 }
 
-/// Gives all nodes the finest grid of r_d, and all nodes of one pitch their mean r_d: it does not depend on
-/// the fibers' material.
+/// Gives all nodes the finest grid of r_d, and all nodes of equal pitch their mean r_d, because r_d does not
+/// depend on the fibers' material.
 fn share_missed(nodes: &mut [PlyData], axes: &[FamilyAxis]) {
     let pitches = axes.iter().find(|a| a.param == FamilyParam::FiberPitch).map_or(1, |a| a.values.len());
     let per_pitch = nodes.len() / pitches;
@@ -214,7 +214,7 @@ fn share_missed(nodes: &mut [PlyData], axes: &[FamilyAxis]) {
     }
 }
 
-/// Spectra of a table's energies of f_high, by node of incidence.
+/// Spectra of the f_high energies of a table, by incidence.
 fn spectra(table: &Table, path_um: &[f64]) -> Vec<Vec<f64>> {
     let of = |e: &[f64]| crate::lobes::absorption::energy_spectrum(e, &table.sigma_per_um, path_um).0;
     table.energy_high.chunks_exact(table.sigma_per_um.len()).map(of).collect()

@@ -1,4 +1,4 @@
-//! Fit of a ply model to a table of simulated scattering.
+//! Fits a ply model to a table of simulated scattering: lobes, absorption, energies, exits and errors.
 
 use crate::check::check_table;
 use crate::energies::energy_splines;
@@ -16,11 +16,11 @@ use crate::lobes::sphere::{Scratch, SphereGrid};
 use crate::options::FitOptions;
 use plywave::ply::asg::PARAMS;
 use plywave::ply::{EdgeLobes, LobeKind, PlyData};
-use plywave::table::Table;
+use plywave_tables::table::Table;
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-/// Stage of the work that a [`Progress`] counts.
+/// Stage of the fit that a [`Progress`] counts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Stage {
     /// Blocks of high-order slices, lobes and absorption.
@@ -42,11 +42,11 @@ pub struct Progress {
     pub total: usize,
 }
 
-/// Largest sum of the energies at a node: 1 plus room for the noise of few paths.
+/// Largest sum of the energies at a node: 1 plus a margin for the noise of few paths.
 const MAX_ENERGY: f64 = 1.05;
 
-/// A model without its lobes: axes, absorption and energies of a table, and these edge lobes. Takes
-/// milliseconds, and fails if the model could not be saved.
+/// A model without lobes: the axes, absorption and energies of a table, and the given edge lobes. It takes
+/// milliseconds and fails if the model could not be saved.
 ///
 /// # Errors
 /// [`FitError::Table`], [`FitError::Option`], [`FitError::Unsavable`].
@@ -54,7 +54,7 @@ pub fn frame(table: &Table, options: &FitOptions, edge: Option<EdgeLobes>) -> Re
     frame_on(table, options, edge, None)
 }
 
-/// As [`frame`], with spectra on these path lengths [um], or if `None` on those that fit the table best.
+/// As [`frame`], with spectra on the path lengths `path_um` [um], or on those that fit the table best.
 pub(crate) fn frame_on(
     table: &Table,
     options: &FitOptions,
@@ -87,7 +87,7 @@ pub(crate) fn frame_on(
         edge,
         noise: None,
     };
-    // Splines' coefficients are kept within bounds, so the table's own values are checked first.
+    // Coefficients of the splines are clamped to their bounds, so the table's own values are checked first.
     for node in 0..table.r_d.len() {
         let all = table.r_d[node] + table.energy_refl[node] + table.energy_high[node * table.sigma_per_um.len()];
         if all > MAX_ENERGY {
@@ -113,10 +113,10 @@ pub(crate) fn frame_on(
     }
 }
 
-/// Fits a ply model to a table. The lobes of f_refl have shares of `energy_refl` that add up to 1 at each
+/// Fits a ply model to a table. The lobes of f_refl have fractions of `energy_refl` that add up to 1 at each
 /// node; the lobes of a block of f_high have energies up to a common factor. The evaluator scales both to the
 /// energies of the table. The result depends on the table and options alone, not on the number of threads.
-/// `progress` is called from worker threads, after each unit of work.
+/// Worker threads call `progress` after each unit of work.
 pub fn fit(table: &Table, options: &FitOptions, progress: &(dyn Fn(Progress) + Sync)) -> Result<PlyData, FitError> {
     let mut data = frame(table, options, None)?;
     let sphere = SphereGrid::new(table.grid);
@@ -214,11 +214,11 @@ pub fn fit(table: &Table, options: &FitOptions, progress: &(dyn Fn(Progress) + S
     Ok(data)
 }
 
-/// Relative error of high-order slices above which cones are tried in place of round lobes.
+/// Relative error of high-order slices above which cones are tried instead of round lobes.
 const ROUND_SERVES: f64 = 0.06;
 
-/// Chooses the family for a table from a few blocks: a third and two thirds of the way along theta_i, in the
-/// middle and half way to the rim, with half the starts.
+/// Chooses the kind of lobes for a table from a few blocks, at a third and two thirds of the theta_i axis, at
+/// the center and halfway to the rim, with half the starts.
 ///
 /// The choice is round lobes, which every host evaluates, unless their rms error exceeds [`ROUND_SERVES`] and
 /// cones have less than half of their squared error. Cones have as many parameters, so they fit as much
@@ -230,7 +230,7 @@ fn needed_family(sphere: &SphereGrid, coarse: Option<&SphereGrid>, table: &Table
         .into_iter()
         .flat_map(|m| [columns / 2, columns / 3].map(|n| (m, n)))
         .collect();
-    // Sum of squared relative errors over all slices of all probes.
+    // The cost is the sum of squared relative errors over all slices of all probes.
     let cost = |family: LobeKind| -> f64 {
         let costs: Vec<f64> = probes
             .par_iter()

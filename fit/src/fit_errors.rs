@@ -6,15 +6,16 @@ use crate::lobes::block::corner_weights;
 use crate::lobes::model::{GridCell, evaluate, high_lobes_in_block, refl_lobes};
 use crate::lobes::sphere::{Scratch, SphereGrid};
 use plywave::ply::PlyData;
-use plywave::table::Table;
+use plywave_tables::table::Table;
 use rayon::prelude::*;
 
-/// Excess errors `sqrt(max(0, |model - table|^2 - noise) / |table|^2)`, |table|^2 with its own noise removed
-/// too. A slice whose noise is more than half of its norm has no meaningful figure and holds NaN.
+/// Excess errors `sqrt(max(0, |model - table|^2 - noise) / |table|^2)`, with the table's own noise removed
+/// from |table|^2 too. A slice whose noise is more than half of its norm has no meaningful error and contains
+/// NaN.
 ///
-/// The subtracted noise is an expectation. The actual noise of a slice scatters about it, so the uncertainty
-/// of one slice's figure is about `sqrt(noise / |table|^2) (2 / bins)^(1/4)`: 0.03 for a standard table.
-/// Means add the squares with their signs, negative ones too, and are far more accurate.
+/// The subtracted noise is an expectation. The actual noise of a slice varies about it, so the uncertainty of
+/// one slice's error is about `sqrt(noise / |table|^2) (2 / bins)^(1/4)`: 0.03 for a standard table. Means
+/// add the squares with their signs, including negative ones, and are far more accurate.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FitErrors {
     /// `[M][H]`: error of f_refl.
@@ -34,7 +35,7 @@ pub struct FitErrors {
     pub energy_high: Vec<f64>,
 }
 
-/// Squared excess error of one slice, negative if the slice has less noise than expected; None where noise
+/// Squared excess error of one slice, negative if the slice has less noise than expected; `None` if noise
 /// hides it.
 pub(crate) fn excess2(distance2: f64, norm2: f64, noise: f64) -> Option<f64> {
     let signal = norm2 - noise;
@@ -63,8 +64,8 @@ pub(crate) fn node_place(m: usize, n: usize, rows: usize, columns: usize) -> Gri
 }
 
 /// Errors of `model` against `table`, which must have the same incidences and absorption coefficients. Errors
-/// against the table of the fit are optimistic, because the fit follows its noise: use a table of another
-/// seed.
+/// against the table of the fit are optimistic, because the fit follows its noise; a table with another seed
+/// gives unbiased ones.
 pub fn errors(model: &PlyData, table: &Table) -> Result<FitErrors, FitError> {
     check_table(table)?;
     let same = |a: &[f64], b: &[f64]| {
@@ -95,7 +96,7 @@ pub fn errors(model: &PlyData, table: &Table) -> Result<FitErrors, FitError> {
         })
         .collect();
     let (block_rows, block_columns) = ((rows - 1) / 2, (columns - 1) / 2);
-    // Per block: nine slices by K, with the node they belong to.
+    // For each block: nine slices by K, each with the node to which it belongs.
     type SliceError = (usize, Option<f64>, f64);
     let blocks: Vec<Vec<SliceError>> = (0..block_rows * block_columns)
         .into_par_iter()

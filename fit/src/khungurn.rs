@@ -1,16 +1,17 @@
-//! Fits of Khungurn's fiber model to the scattering of another fiber (also a table by waves or rays), and to
-//! the reflectance of a swatch by dual scattering.
+//! Fits Khungurn's fiber model (Khungurn 2015) to the scattering of another fiber, which may be a table from
+//! waves or rays, and to the reflectance of a swatch by dual scattering.
 //!
-//! The lobes are separable: for light at a latitude theta_i, f is
-//! `F L_R(theta_o) / (2 pi) + (1 - F) C_TT L_TT(theta_o) v(phi)` with `L = cos theta_o g / G`. So a cost over
-//! a product of latitudes and azimuths needs one row of each lobe per latitude. Its gradient needs the
-//! derivatives of the rows, which have closed forms except for the integrals G, `integral of t^2 g cos^2` and
-//! I_1/I_0. [`minimize`] fits widths by their logarithms and shares directly, within [0, 1].
+//! The lobes are separable: for light at a latitude theta_i, f is `F L_R(theta_o) / (2 pi) + (1 - F) C_TT
+//! L_TT(theta_o) v(phi)` with `L = cos theta_o g / G`. A cost over a product of latitudes and azimuths
+//! therefore needs one row of each lobe per latitude. Its gradient needs the derivatives of the rows, which
+//! have closed forms except for the integrals G, `integral of t^2 g cos^2` and I_1/I_0. [`minimize`] fits the
+//! logarithms of the widths, and the fractions directly, within [0, 1].
 
 use crate::{CostGradient, LbfgsbError, LbfgsbOptions, LbfgsbSolution, minimize};
-use plywave::fiber::{KhungurnFiber, KhungurnParameters, Reflectance};
+use plywave::Bsdf;
 use plywave::frame::direction;
-use plywave::{Bsdf, FiberModel, FiberQuery};
+use plywave_fiber::{FiberModel, FiberQuery};
+use plywave_fiber::{KhungurnFiber, KhungurnParameters, Reflectance};
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
 /// Errors of a fit of Khungurn's model.
@@ -44,21 +45,22 @@ fn input(name: &'static str, value: impl ToString, hint: &'static str) -> Khungu
 pub struct KhungurnFit {
     /// The parameters; C_R and C_TT have one node per wavelength.
     pub parameters: KhungurnParameters,
-    /// Root of the cost: the L2 distance as a share of the target's norm.
+    /// Square root of the cost: the L2 distance relative to the target's norm.
     pub error: f64,
-    /// How the minimizer ended; x holds `ln beta_R, ln beta_TT, ln gamma_TT`, C_R and C_TT by wavelength.
+    /// Result of the minimizer; x contains `ln beta_R, ln beta_TT, ln gamma_TT`, then C_R and C_TT by
+    /// wavelength.
     pub solution: LbfgsbSolution,
 }
 
-/// Bounds of the widths: those of the model, narrowed to the resolution of a fit's grid.
+/// Bounds of the widths: those of the model, narrowed to what the grid of a fit resolves.
 const WIDTHS: [[f64; 2]; 3] = [[0.03, 3.0], [0.03, 3.0], [0.06, 30.0]];
-/// Latitudes of incident light in a fit to scattering [rad].
+/// Latitudes of the incident light in a fit to scattering [rad].
 const THETA_I: [f64; 5] = [0.0, 0.3, 0.6, 0.9, 1.2];
-/// Latitudes and azimuths of the scattered light.
+/// Numbers of latitudes and azimuths of the scattered light.
 const ROWS: usize = 160;
 const COLUMNS: usize = 96;
 
-/// Wavelength-dependent shares in the order of the fit's wavelengths.
+/// The parameters as a vector, with wavelength-dependent ones in the order of the fit's wavelengths.
 fn start_vector(start: &KhungurnParameters, lambda_um: &[f64]) -> Vec<f64> {
     let widths = [start.beta_r, start.beta_tt, start.gamma_tt].map(f64::from);
     let mut x: Vec<f64> = (0..3).map(|k| widths[k].clamp(WIDTHS[k][0], WIDTHS[k][1]).ln()).collect();
@@ -116,13 +118,13 @@ fn options() -> LbfgsbOptions {
     LbfgsbOptions { memory: 20, pgtol: 1e-9, ftol: 1e-15, max_iterations: 2000, ..LbfgsbOptions::default() }
 }
 
-/// Fits the model to the scattering of `target` at these wavelengths, in the L2 norm over the sphere at five
-/// latitudes of light. The target is a mean over `turns` azimuths of light (1 for a round fiber). Latitudes
-/// are weighted by `cos^2 theta_i`, the power that the fiber receives from even light. Lobes narrower than
-/// 0.03 rad are not resolved.
+/// Fits the model to the scattering of `target` at these wavelengths, in the L2 norm over the sphere, at five
+/// latitudes of incident light. The target is averaged over `turns` azimuths of incidence (1 for a round
+/// fiber). Latitudes are weighted by `cos^2 theta_i`, the power that the fiber receives from uniform light.
+/// Lobes narrower than 0.03 rad are not resolved.
 ///
 /// # Errors
-/// A wavelength or absorption that is not finite, a target without light, a start that is not a valid model.
+/// An infinite or NaN wavelength or absorption, a target without light, a start that is not a valid model.
 pub fn fit_khungurn(
     target: &FiberModel,
     lambda_um: &[f64],
@@ -178,7 +180,7 @@ fn column(k: usize) -> f64 {
     (k as f64 + 0.5) / COLUMNS as f64 * TAU
 }
 
-/// Squared distance from the target's f.
+/// Squared distance of the model from the target's f.
 struct Scattering {
     wavelengths: usize,
     /// `[wavelength][theta_i][ROWS][COLUMNS]`.
@@ -186,7 +188,7 @@ struct Scattering {
     norm: f64,
 }
 
-/// `cos theta_o g / G` of a width at the rows, and its derivative by the width's logarithm.
+/// The row `cos theta_o g / G` of a width, and its derivative with respect to the width's logarithm.
 fn longitudinal(theta_i: f64, beta: f64) -> Vec<[f64; 2]> {
     let (mut integral, mut second) = (0.0, 0.0);
     let n = 1000;
@@ -207,10 +209,10 @@ fn longitudinal(theta_i: f64, beta: f64) -> Vec<[f64; 2]> {
         .collect()
 }
 
-/// A von Mises density about pi; integrals by quadrature.
+/// A von Mises density about pi; its integrals are computed by quadrature.
 struct Azimuth {
     kappa: f64,
-    /// `2 pi i0e(kappa)` and I_1/I_0.
+    /// `2 pi i0e(kappa)`, followed by I_1/I_0.
     norm: f64,
     mean_cos: f64,
 }
@@ -230,14 +232,14 @@ impl Azimuth {
         Azimuth { kappa, norm, mean_cos: cosine / norm }
     }
 
-    /// Density at an angle from straight on, and its derivative by ln gamma.
+    /// Density at an angle from the straight direction, and its derivative with respect to ln gamma.
     fn at(&self, x: f64) -> [f64; 2] {
         let value = (self.kappa * (x.cos() - 1.0)).exp() / self.norm;
         [value, -2.0 * self.kappa * value * (x.cos() - self.mean_cos)]
     }
 
-    /// Share of the light that goes forward, averaged over the azimuths of light, `1 - E|x|/pi` (Khungurn
-    /// 2015, 3.1), and its derivative by ln gamma.
+    /// Fraction of the light that goes forward, averaged over the azimuths of incidence, `1 - E|x|/pi`
+    /// (Khungurn 2015, 3.1), and its derivative with respect to ln gamma.
     fn forward(&self) -> [f64; 2] {
         let n = 4000;
         let reach = PI.min(9.0 / self.kappa.sqrt());
@@ -251,7 +253,7 @@ impl Azimuth {
     }
 }
 
-/// `(1 - cos theta_i)^5` of Schlick's reflectance.
+/// The factor `(1 - cos theta_i)^5` of Schlick's reflectance.
 fn grazing(theta_i: f64) -> f64 {
     (1.0 - theta_i.cos()).powi(5)
 }
@@ -270,7 +272,7 @@ impl CostGradient for Scattering {
                 let f = c_r + (1.0 - c_r) * q;
                 let through = (1.0 - f) * c_tt;
                 let values = &self.values[(l * THETA_I.len() + i) * ROWS * COLUMNS..];
-                // Sums of residuals times R, times TT, and times their derivatives.
+                // Sums of residuals times R, times TT, and times the derivatives by the widths.
                 let (mut by_r, mut by_tt, mut by_widths) = (0.0, 0.0, [0.0; 3]);
                 for o in 0..ROWS {
                     let weight = theta_i.cos().powi(2) * row(o).cos() / self.norm;
@@ -298,26 +300,26 @@ impl CostGradient for Scattering {
     }
 }
 
-/// Reflectance of a swatch of aligned fibers under light at one latitude and all azimuths of its half space:
-/// measured, or from a photograph of a surface beside a white standard.
+/// Reflectance of a swatch of aligned fibers for light at one latitude and all azimuths of its half space:
+/// measured, or from a photograph of a surface next to a white standard.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SwatchSample {
     /// Latitude of the light in the fibers' frame [rad].
     pub theta_i: f64,
     /// Wavelength [um].
     pub lambda_um: f64,
-    /// Reflected share of the light, 0 to 1.
+    /// Reflected fraction of the light, 0 to 1.
     pub reflectance: f64,
 }
 
 /// Options of a fit to a swatch.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SwatchOptions {
-    /// Layers of fibers, 1 or more; `None` for an opaque swatch.
+    /// Number of layers of fibers, at least 1; `None` for an opaque swatch.
     pub layers: Option<u32>,
-    /// Whether to fit C_R, which needs several latitudes.
+    /// Whether C_R is fitted, which needs samples at several latitudes.
     pub c_r: bool,
-    /// Whether to fit gamma_TT in place of C_R, which needs several latitudes.
+    /// Whether gamma_TT is fitted in place of C_R, which needs samples at several latitudes.
     pub gamma_tt: bool,
 }
 
@@ -328,14 +330,14 @@ impl Default for SwatchOptions {
     }
 }
 
-/// Fits the model to the reflectance of the samples: `a_b + A_b` with all orders of backscattering, or that
-/// of a number of layers. The longitudinal widths do not matter and stay those of the start, as do parameters
-/// that the options do not fit.
+/// Fits the model to the reflectance of the samples: `a_b + A_b` with all orders of backscattering, or the
+/// reflectance of a number of layers. The longitudinal widths have no effect and stay those of the start, as
+/// do parameters that the options do not fit.
 ///
-/// With `u = 1 - (1 - cos theta_i)^5` and s the share of TT that goes forward,
-/// `a_f = 1/2 + u (1 - C_R) (C_TT s - 1/2)` and `a_b = 1/2 + u (1 - C_R) (C_TT (1 - s) - 1/2)`: two numbers
-/// per wavelength, whatever the latitudes, for C_R, C_TT and an s that all wavelengths share. So reflectances
-/// cannot separate C_R and gamma_TT, and one of the two must be known.
+/// With `u = 1 - (1 - cos theta_i)^5` and the fraction s of TT that goes forward, `a_f = 1/2 + u (1 - C_R)
+/// (C_TT s - 1/2)` and `a_b = 1/2 + u (1 - C_R) (C_TT (1 - s) - 1/2)`: two numbers per wavelength, whatever
+/// the latitudes, for C_R, C_TT and an s shared by all wavelengths. Reflectances therefore cannot separate
+/// C_R and gamma_TT, and one of the two must be known.
 ///
 /// # Errors
 /// No sample or layer, a number out of range, a fit of both C_R and gamma_TT, a start that is not a valid
@@ -371,14 +373,14 @@ pub fn fit_khungurn_swatch(
     let objective = Swatch { samples, lambda_um: &lambda_um, layers: options.layers, norm: norm.max(1e-12) };
     let mut x = start_vector(start, &lambda_um);
     let [mut lower, mut upper] = bounds(lambda_um.len());
-    // At a white fiber the slope of the reflectance is infinite.
+    // The slope of the reflectance is infinite at a white fiber, so the reflectance stays below 1.
     let whitest = 1.0 - 1e-6;
     upper[3 + lambda_um.len()..].fill(whitest);
     let fixed =
         |k: usize| k < 2 || (k == 2 && !options.gamma_tt) || ((3..3 + lambda_um.len()).contains(&k) && !options.c_r);
     for k in 0..x.len() {
         x[k] = x[k].clamp(lower[k], upper[k]);
-        // Start off the bounds, where the gradient would not move it.
+        // The start lies off the bounds, where the gradient would not move it.
         if k >= 3 + lambda_um.len() {
             x[k] = x[k].clamp(0.02, 0.98);
         }
@@ -401,10 +403,11 @@ struct Swatch<'a> {
     norm: f64,
 }
 
-/// Reflectance of layers that transmit `f` and reflect `b`, and its derivatives by both.
+/// Reflectance of layers that each transmit `f` and reflect `b`, and its derivatives with respect to both.
 fn layers_reflect(f: f64, b: f64, layers: Option<u32>) -> [f64; 3] {
     let Some(layers) = layers else {
-        // b R^2 - (1 + b^2 - f^2) R + b = 0: the lesser root, without cancellation, and its derivatives.
+        // R is the smaller root of b R^2 - (1 + b^2 - f^2) R + b = 0, computed without cancellation, with its
+        // derivatives.
         let p = 1.0 + b * b - f * f;
         let root = ((1.0 - (f + b)) * (1.0 + f + b) * (1.0 - (f - b).powi(2))).max(1e-30).sqrt();
         let r = 2.0 * b / (p + root);

@@ -1,5 +1,5 @@
-//! Fitter of plywave: from tables of simulated scattering to ply models of anisotropic spherical Gaussian
-//! lobes, or of cones.
+//! Fitter of plywave: fits ply models with lobes (anisotropic spherical Gaussians, Yu 2025, Eq. 4, or cones)
+//! to tables of simulated scattering, and Khungurn's fiber model to measured or simulated fibers.
 
 mod check;
 mod diagnose;
@@ -16,7 +16,6 @@ mod layers;
 mod lobes;
 mod optimize;
 mod options;
-pub mod speckle;
 mod table_distance;
 
 pub use diagnose::{Part, PartFit, fit_block, fit_single_slices};

@@ -1,4 +1,4 @@
-//! Effort of a fit: numbers of lobes and iterations, with presets.
+//! Options of a fit: numbers of lobes and iterations, with presets.
 
 use crate::error::FitError;
 use crate::lobes::block::BlockEffort;
@@ -8,12 +8,12 @@ use plywave::ply::LobeKind;
 /// Effort and numbers of lobes of a fit.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FitOptions {
-    /// Reflection lobes per incidence; 1 is the paper's choice, which cannot wrap a distribution wider than a
-    /// half turn.
+    /// Reflection lobes per incidence. The paper uses 1, which cannot represent a distribution wider than
+    /// half a turn.
     pub lobes_refl: usize,
-    /// High-order lobes.
+    /// High-order lobes per incidence.
     pub lobes_high: usize,
-    /// Family of lobes; `None` chooses the one that the table needs.
+    /// Kind of lobes; `None` chooses the kind that the table needs.
     pub family: Option<LobeKind>,
     /// Effort of a block of high-order slices.
     pub block: BlockEffort,
@@ -28,7 +28,7 @@ pub struct FitOptions {
 }
 
 impl FitOptions {
-    /// Preset for a first look: takes seconds.
+    /// Preset for a first look; a fit takes seconds.
     pub fn preview() -> Self {
         FitOptions {
             block: BlockEffort {
@@ -46,7 +46,7 @@ impl FitOptions {
         }
     }
 
-    /// Preset with the errors in the README.
+    /// Preset whose errors the README reports.
     pub fn standard() -> Self {
         FitOptions {
             lobes_refl: 3,
@@ -67,7 +67,7 @@ impl FitOptions {
         }
     }
 
-    /// Preset with the least error that the minimizer can reach.
+    /// Preset with the smallest error that the minimizer reaches.
     pub fn reference() -> Self {
         FitOptions {
             block: BlockEffort {

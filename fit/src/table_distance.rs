@@ -1,5 +1,5 @@
-//! Distance between two tables of one yarn, or between a fitted model and a table, with their noise removed:
-//! for example, of the model of a yarn from the path-traced yarn.
+//! Distance between two tables of one yarn, or between a fitted model and a table, with noise removed; for
+//! example, between the model of a yarn and the path-traced yarn.
 
 use crate::check::check_table;
 use crate::error::FitError;
@@ -7,7 +7,7 @@ use crate::fit_errors::excess2;
 use crate::lobes::model::{energies, evaluate, high_lobes, locate, refl_lobes};
 use crate::lobes::sphere::{Scratch, SphereGrid};
 use plywave::ply::PlyData;
-use plywave::table::Table;
+use plywave_tables::table::Table;
 use rayon::prelude::*;
 
 /// Distances at the common incidences and absorptions.
@@ -19,8 +19,8 @@ pub struct TableDistance {
     pub h_um: Vec<f64>,
     /// `[K]`: absorptions [1/um].
     pub sigma_per_um: Vec<f64>,
-    /// `[M][H]`: squared relative L2 distance of f_refl, with the noise of both subtracted; negative where
-    /// the noise is less than expected, NaN where noise hides it.
+    /// `[M][H]`: squared relative L2 distance of f_refl, with the noise of both tables subtracted; negative
+    /// if the noise is less than expected, NaN if noise hides it.
     pub refl2: Vec<f64>,
     /// `[M][H][K]`: the same for f_high.
     pub high2: Vec<f64>,
@@ -32,11 +32,11 @@ pub struct TableDistance {
     pub r_d: Vec<f64>,
 }
 
-/// Distance of `a` to `b`, relative to `b`. Both must have the same bins and some common incidences and
-/// absorptions.
+/// Distance of table `a` from table `b`, relative to `b`. Both must have the same bins and some common
+/// incidences and absorptions.
 ///
 /// # Errors
-/// [`FitError::Axes`] when bins differ or an axis has no common node, [`FitError::Table`].
+/// [`FitError::Axes`] if bins differ or an axis has no common node, [`FitError::Table`].
 pub fn table_distance(a: &Table, b: &Table) -> Result<TableDistance, FitError> {
     check_table(a)?;
     check_table(b)?;
@@ -80,7 +80,7 @@ pub fn table_distance(a: &Table, b: &Table) -> Result<TableDistance, FitError> {
                     apart += a.grid.solid_angle(i) * d;
                     norm += a.grid.solid_angle(i) * n;
                 }
-                // The noise of the first is in the distance alone.
+                // The noise of the first table affects only the distance, not the norm.
                 excess2(apart - noise[0], norm, noise[1]).unwrap_or(f64::NAN)
             };
             out.r_d.push(a.r_d[ia] - b.r_d[ib]);
@@ -98,28 +98,28 @@ pub fn table_distance(a: &Table, b: &Table) -> Result<TableDistance, FitError> {
     Ok(out)
 }
 
-/// Distance of a fitted model to the table `reference`, relative to it, at the table's incidences up to
-/// `theta_i` [rad] and |h| `h_um`, between the model's nodes too, and at all of the table's absorptions.
-/// Noise that the model fitted in its own table is part of the distance.
+/// Distance of a fitted model from the table `reference`, relative to the table, at the table's incidences up
+/// to `theta_i` [rad] and |h| `h_um`, including those between the model's nodes, and at all of the table's
+/// absorptions. Noise that the model fitted in its own table is part of the distance.
 ///
 /// # Errors
-/// [`FitError::Axes`] when no incidence remains, or one lies beyond the model's nodes; [`FitError::Table`].
+/// [`FitError::Axes`] if no incidence remains or one lies beyond the model's nodes; [`FitError::Table`].
 pub fn model_distance(model: &PlyData, reference: &Table, theta_i: f64, h_um: f64) -> Result<TableDistance, FitError> {
     check_table(reference)?;
-    let within = |axis: &'static str, x: &[f64], nodes: &[f64], most: f64| -> Result<Vec<usize>, FitError> {
-        let kept: Vec<usize> = (0..x.len()).filter(|i| x[*i].abs() <= most + 1e-9 * (1.0 + most)).collect();
+    let within = |axis: &'static str, x: &[f64], nodes: &[f64], limit: f64| -> Result<Vec<usize>, FitError> {
+        let retained: Vec<usize> = (0..x.len()).filter(|i| x[*i].abs() <= limit + 1e-9 * (1.0 + limit)).collect();
         let last = nodes.last().map_or(0.0, |n| n + 1e-9 * (1.0 + n.abs()));
-        if kept.is_empty() || kept.iter().any(|i| x[*i].abs() > last) {
+        if retained.is_empty() || retained.iter().any(|i| x[*i].abs() > last) {
             return Err(FitError::Axes { axis, model: nodes.len(), table: x.len() });
         }
-        Ok(kept)
+        Ok(retained)
     };
     let rows = within("theta_i", &reference.theta_i, &model.theta_i, theta_i)?;
     let columns = within("h_um", &reference.h_um, &model.h_um, h_um)?;
     let sphere = SphereGrid::new(reference.grid);
     let sigmas = reference.sigma_per_um.len();
     let incidences: Vec<(usize, usize)> = rows.iter().flat_map(|m| columns.iter().map(|n| (*m, *n))).collect();
-    // f_refl, then f_high at each sigma: squared distance, difference of energy.
+    // For each incidence, f_refl and then f_high at each sigma: squared distance and difference of energy.
     let slices: Vec<Vec<(f64, f64)>> = incidences
         .par_iter()
         .map(|&(m, n)| {

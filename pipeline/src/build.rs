@@ -1,4 +1,4 @@
-//! The whole pipeline in one call.
+//! Builds a ply model from a recipe in one call: simulation, table of the yarn, fit, speckle.
 
 use crate::error::Error;
 use crate::recipe::{Recipe, Speckle};
@@ -7,10 +7,10 @@ use crate::stages::{
     add_speckle, fit_model, noise_options, simulate, simulate_job, solve_speckle, speckle_options, yarn_table,
 };
 use plywave::ply::PlyData;
-use plywave::table::Table;
-use plywave_fit::speckle::check_savable;
-use plywave_sim::runs;
-use plywave_sim::wave::SpeckleJob;
+use plywave_runs::{self as runs, RunError};
+use plywave_tables::table::Table;
+use plywave_wave::SpeckleJob;
+use plywave_wave::noise::check_savable;
 use std::time::{Duration, Instant};
 
 /// Times of the stages.
@@ -18,9 +18,9 @@ use std::time::{Duration, Instant};
 pub struct Times {
     /// Simulation.
     pub simulate: Duration,
-    /// The yarn's table, if there is one, and the fit.
+    /// Table of the yarn, for a yarn of several plies, and fit.
     pub fit: Duration,
-    /// Speckle: solving and fit.
+    /// Speckle: solving and fitting its patterns.
     pub speckle: Duration,
 }
 
@@ -37,13 +37,13 @@ pub struct Built {
 /// Builds a recipe's model on the current thread pool. The result depends on the recipe alone.
 ///
 /// # Errors
-/// [`Error::Interrupted`] when stopped, and those of the stages. Folders that may not be used, and runs whose
-/// results could not be saved, are refused before any work.
+/// [`Error::Interrupted`] if the run was stopped, and those of the stages. Unusable folders, and recipes
+/// whose results could not be saved, are refused before any work.
 pub fn build(recipe: &Recipe, run: &Run<'_>) -> Result<Built, Error> {
     let (spec, text, file) = (&recipe.spec, &recipe.spec_text, recipe.file.as_str());
     let speckle = recipe.solved_speckle().map(|instances| speckle_options(recipe, instances));
-    let refuse = |error| Error::of_simulation(error, file);
-    // Refuse unusable folders now, not after the earlier stages.
+    let refuse = |error: RunError| Error::of_simulation(error, file);
+    // Unusable folders are refused here, before the earlier stages run.
     let check = runs::Run { parts: run.parts, ..runs::Run::plain() };
     runs::check_parts(&simulate_job(recipe)?, check).map_err(refuse)?;
     if let Some(options) = &speckle {

@@ -1,57 +1,67 @@
-//! From a cloth spec to a cloth ready for shading: the models that it names, its curves, the cache of cloths
-//! that were made.
+//! From a cloth spec to a cloth ready for shading: loads the models that the spec names, computes the curves,
+//! precomputes the cloth, and caches the result.
 
+use crate::cache::{cloth_cache, digest_of_bytes, digest_of_file, keep};
 use crate::error::Error;
+use crate::plies::{self, ClothPlies, ClothPlyModels, Ply};
+use crate::recipe::Quality;
 use crate::run::{Progress, Run, Stage};
-use crate::shipped::ShippedSpec;
+use crate::shipped::files_of;
+use plywave::Document;
 use plywave::PlyModel;
-use plywave::cloth::{ClothData, ClothSpec, WeaveSpec, YarnOfCloth};
+use plywave::cloth::ClothData;
 use plywave::io::{AssetSource, Folder, ModelLibrary};
-use plywave_sim::cloth::{ClothStep, Effort, MadeCloth, make_cloth, make_ready};
-use sha2::{Digest, Sha256};
-use std::io::Read;
+use plywave::spec::YarnSpec;
+use plywave_sim::cloth::{ClothStep, Effort, MadeCloth, make_cloth, precompute};
+#[cfg(doc)]
+use plywave_textile::YarnOfCloth;
+use plywave_textile::{ClothSpec, load_yarn};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-/// Largest cloth spec, and largest file that it names [bytes].
+/// Largest cloth spec [bytes], and below it the largest file that a spec names [bytes].
 const MAX_SPEC_BYTES: u64 = 1 << 20;
 const MAX_BYTES: u64 = 256 << 20;
 
-/// Steps of a relaxation from one report of progress to the next.
-const STEPS_TOLD: u64 = 16;
+/// Number of relaxation steps between two reports of progress.
+const STEPS_PER_REPORT: u64 = 16;
 
-/// How cloths are made, raised by each change of that: those of another number are not found in the cache.
-const MAKING: u32 = 3;
+/// Version of the precomputation, which increases with each change of it; it is part of the key of the cache.
+const MAKING: u32 = 5;
 
-/// A cloth spec and the folder of the files that it names.
+/// A cloth spec, and the folder of the files that it names.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ClothRecipe {
     /// Name of the spec in messages.
     pub file: String,
-    /// Folder of the files that it names.
+    /// Folder to which the paths in the spec are relative.
     pub folder: PathBuf,
-    /// Whether these may lie outside of it.
+    /// Whether these files may lie outside of that folder.
     pub is_open: bool,
     /// The cloth.
     pub spec: ClothSpec,
-    /// Text of the spec, kept in the cloth file.
+    /// Text of the spec, which the cloth file contains.
     pub spec_text: String,
+    /// Least quality of the ply models that are found or built for it; `None`: any is taken, and missing ones
+    /// are built of preview quality.
+    pub quality: Option<Quality>,
 }
 
-/// A cloth, ready for shading.
+/// A precomputed cloth, ready for shading.
 #[derive(Clone, Debug)]
-pub struct ReadyCloth {
+pub struct PrecomputedCloth {
     /// The cloth.
     pub data: ClothData,
-    /// SHA-256 of what it is made of, in hex.
+    /// SHA-256 of all inputs of the cloth, in hex.
     pub digest: String,
-    /// Notes, one a line: those of its curves, whether it was made, where it is kept.
+    /// Notes, one per line: those of the curves, whether the cloth was computed or found in the cache, and
+    /// where it is cached.
     pub notes: Vec<String>,
 }
 
 impl ClothRecipe {
-    /// Reads a spec's file. The files that it names lie in its folder or below.
+    /// Reads the file of a spec. The files that the spec names must lie in its folder or below.
     ///
     /// # Errors
     /// Those of the file and of [`ClothSpec::parse`].
@@ -62,17 +72,18 @@ impl ClothRecipe {
         Ok(ClothRecipe { is_open: false, ..ClothRecipe::parse(&path.display().to_string(), text, folder)? })
     }
 
-    /// Of a spec's text; `file` stands for it in messages, and paths that it names are relative to `folder`.
+    /// Parses the text of a spec; `file` identifies it in messages, and the paths in it are relative to
+    /// `folder`.
     ///
     /// # Errors
-    /// As [`ClothSpec::parse`].
+    /// Those of [`ClothSpec::parse`].
     pub fn parse(file: &str, text: impl Into<String>, folder: impl Into<PathBuf>) -> Result<ClothRecipe, Error> {
         let spec_text = text.into();
         let spec = ClothSpec::parse(&spec_text, file)?;
-        Ok(ClothRecipe { file: file.into(), folder: folder.into(), is_open: true, spec, spec_text })
+        Ok(ClothRecipe { file: file.into(), folder: folder.into(), is_open: true, spec, spec_text, quality: None })
     }
 
-    /// Name of a kind of yarn: warp, weft or yarn.
+    /// Name of a kind of yarn: `warp`, `weft` or `yarn`.
     pub fn kind_name(&self, kind: usize) -> &'static str {
         self.spec.kind_name(kind)
     }
@@ -86,117 +97,90 @@ impl ClothRecipe {
         Error::Runtime(plywave::Error::Invalid { file: self.file.clone(), key: key.into(), value: value.into(), hint })
     }
 
-    /// By kind of yarn, what `of` makes of the key and the name of its model; `hint` is for a yarn without.
-    fn each_model<T>(&self, hint: &str, of: impl Fn(&str, &str) -> Result<T, Error>) -> Result<Vec<T>, Error> {
-        let one = |(kind, yarn): (usize, &YarnOfCloth)| {
-            let key = format!("{}.model", self.kind_name(kind));
-            match &yarn.model {
-                Some(model) => of(&key, model),
-                None => Err(self.invalid(&key, "(absent)", hint.into())),
-            }
-        };
-        self.spec.yarns().into_iter().enumerate().map(one).collect()
-    }
-
-    /// The models of its plies, by kind of yarn. A yarn spec that is named stands for the model beside it, of
-    /// the same name with `.pwm`.
+    /// The plies of the yarns, by kind, each with its model if one is at hand: that which the spec names, or
+    /// one of the library or the cache for the ply that the spec describes.
     ///
     /// # Errors
-    /// [`plywave::Error::Invalid`] for a yarn without a model, and as [`ModelLibrary::load`].
-    pub fn models(&self, library: &ModelLibrary) -> Result<Vec<Arc<PlyModel>>, Error> {
-        self.each_model("name the model of its plies", |key, model| {
-            let mut name = model.to_string();
-            if is_toml(model) {
-                name.replace_range(name.len() - 4.., "pwm");
-                // One that leads out of the folder is refused as other models are.
-                if !self.folder.join(&name).exists() {
-                    if !self.folder.join(model).exists() {
-                        return Err(self.missing_spec(key, model, Some(&name)));
-                    }
-                    let [spec, own] = [model, &name].map(|name| self.folder.join(name).display().to_string());
-                    let hint = format!("build its model first: `plywave build {spec} -o {own}`");
-                    return Err(self.invalid(key, model, hint));
+    /// Those of [`ModelLibrary::named`], [`YarnOfCloth::ply`] and [`load_yarn`].
+    pub fn plies(&self, library: &ModelLibrary) -> Result<ClothPlies, Error> {
+        let mut plies: Vec<Ply> = Vec::new();
+        for (kind, yarn) in self.spec.yarns().into_iter().enumerate() {
+            let kind = self.kind_name(kind);
+            let (key, file) = (format!("{kind}.model"), format!("{} ({kind})", self.file));
+            let (spec, spec_text) = match &yarn.model {
+                Some(model) if !is_toml(model) => {
+                    let (shown, bytes) = library.named(&self.file, &key, model, &self.assets())?;
+                    let model = PlyModel::from_bytes(&bytes, &shown)?;
+                    let spec_text = model.data().spec_text.clone();
+                    let spec = YarnSpec::parse(&spec_text, &shown)?;
+                    let (model, origin) = (Some(Arc::new(model)), String::new());
+                    plies.push(Ply { kind, file, spec, spec_text, model, origin });
+                    continue;
                 }
-            }
-            Ok(Arc::new(self.model(library, key, &name)?))
-        })
-    }
-
-    /// The yarn spec that `key` names is not there, nor is `own`, the model beside it.
-    fn missing_spec(&self, key: &str, model: &str, own: Option<&str>) -> Error {
-        let nor = own.map(|own| format!(", nor its model {own}")).unwrap_or_default();
-        let folder = match self.folder.as_os_str().is_empty() {
-            true => "this folder".into(),
-            false => self.folder.display().to_string(),
-        };
-        let fix = match ShippedSpec::cloth_with(model) {
-            Some(spec) => format!("`plywave new {} -o FOLDER` writes a spec with all that it needs", spec.name()),
-            None => "copy both from where the cloth spec comes from".into(),
-        };
-        self.invalid(key, model, format!("no such file in {folder}{nor}; {fix}"))
-    }
-
-    fn model(&self, library: &ModelLibrary, key: &str, name: &str) -> Result<PlyModel, Error> {
-        let (shown, bytes) = library.named(&self.file, key, name, &self.assets())?;
-        Ok(PlyModel::from_bytes(&bytes, &shown)?)
-    }
-
-    /// Texts of the specs of its plies, by kind of yarn: of yarn specs that it names, or in its models.
-    ///
-    /// # Errors
-    /// As [`ClothRecipe::models`].
-    pub fn ply_specs(&self, library: &ModelLibrary) -> Result<Vec<String>, Error> {
-        self.each_model("name the model of its plies, or their yarn spec (.toml)", |key, model| {
-            if !is_toml(model) {
-                return Ok(self.model(library, key, model)?.data().spec_text.clone());
-            }
-            let bytes = self.assets().read(model, MAX_SPEC_BYTES).map_err(|error| match error {
-                plywave::Error::Io { source, .. } if source.kind() == std::io::ErrorKind::NotFound => {
-                    self.missing_spec(key, model, None)
+                Some(model) => {
+                    let assets = self.assets();
+                    let bytes = assets.read(model, MAX_SPEC_BYTES).map_err(|error| self.unread(&key, model, error))?;
+                    let text = String::from_utf8(bytes);
+                    let text = text.map_err(|_| self.invalid(&key, model, "this is no text in UTF-8".into()))?;
+                    load_yarn(&text, &assets.display(model), &assets)?
                 }
-                other => other.into(),
-            })?;
-            String::from_utf8(bytes).map_err(|_| self.invalid(key, model, "this is no text in UTF-8".into()))
-        })
+                None => {
+                    let spec = yarn.ply(&self.file, kind)?;
+                    let text = spec.to_text(&self.file)?;
+                    (spec, text)
+                }
+            };
+            let same = plies.iter().find(|ply| ply.spec_text == spec_text);
+            let found = match same {
+                Some(ply) => ply.model.clone().map(|model| (model, ply.origin.clone())),
+                None => plies::find(&spec, &spec_text, library, self.quality),
+            };
+            let (model, origin) = found.map_or((None, String::new()), |(model, origin)| (Some(model), origin));
+            plies.push(Ply { kind, file, spec, spec_text, model, origin });
+        }
+        Ok(ClothPlies { plies, quality: self.quality })
     }
 
-    /// Files that it names besides models.
-    pub(crate) fn files(&self) -> Vec<&str> {
-        let wif = self.spec.weave.iter().filter_map(|weave| match weave {
-            WeaveSpec::Wif { file } => Some(file.as_str()),
-            _ => None,
-        });
-        wif.chain(self.spec.curves.iter().map(|curves| curves.file.as_str())).collect()
+    /// Error for a yarn spec that cannot be read.
+    fn unread(&self, key: &str, model: &str, error: plywave::Error) -> Error {
+        match error {
+            plywave::Error::Io { source, .. } if source.kind() == std::io::ErrorKind::NotFound => {
+                self.invalid(key, model, "no such file; leave the key out for the yarn's own ply".into())
+            }
+            other => other.into(),
+        }
     }
 
-    /// Paths of the files that it names, models first, each with a word for what it is.
+    /// Files other than models that the spec names.
+    fn files(&self) -> Vec<&str> {
+        files_of(&self.spec)
+    }
+
+    /// Paths of the files that the spec names, models first, each with a word for its role.
     pub fn inputs(&self) -> Vec<(&'static str, PathBuf)> {
         let models = self.spec.yarns().into_iter().filter_map(|yarn| yarn.model.as_deref());
-        let models = models.map(|model| {
-            let path = self.folder.join(model);
-            if is_toml(model) { path.with_extension("pwm") } else { path }
-        });
+        let models = models.map(|model| self.folder.join(model));
         let mut all: Vec<_> = models.filter(|path| path.is_file()).map(|path| ("model", path)).collect();
         all.extend(self.files().into_iter().map(|file| ("file of the spec", self.folder.join(file))));
         all.dedup();
         all
     }
 
-    /// Makes its curves.
+    /// Computes the cloth's curves.
     ///
     /// # Errors
-    /// [`Error::Interrupted`] when stopped, and those of [`make_cloth`].
+    /// [`Error::Interrupted`] if the run was stopped, and those of [`make_cloth`].
     pub fn curves(&self, run: &Run<'_>) -> Result<MadeCloth, Error> {
         let steps = AtomicU64::new(0);
-        // The end of a stage without a known end is one more than is done.
-        let tell = |done: u64| run.tell(Progress { stage: Stage::Curves, done, total: done + 1 });
-        tell(0);
+        // The number of relaxation steps is unknown in advance, so the total is always one more than is done.
+        let report = |done: u64| run.report(Progress { stage: Stage::Curves, done, total: done + 1 });
+        report(0);
         let assets = self.assets();
         let mut read = |named: &str| assets.read(named, MAX_BYTES);
-        let go_on = || {
+        let go_on = |_: f64| {
             let done = steps.fetch_add(1, Ordering::Relaxed) + 1;
-            if done.is_multiple_of(STEPS_TOLD) {
-                tell(done);
+            if done.is_multiple_of(STEPS_PER_REPORT) {
+                report(done);
             }
             run.check_stop().is_ok()
         };
@@ -204,11 +188,11 @@ impl ClothRecipe {
         made.map_err(|error| Error::of_simulation(error, &self.file))
     }
 
-    /// Makes the cloth of its curves and the models of its plies; `has_far` is whether with the mean over the
-    /// cell.
+    /// Precomputes the cloth from its curves and the models of its plies; `has_far` is whether the file gets
+    /// the mean over the cell.
     ///
     /// # Errors
-    /// [`Error::Interrupted`] when stopped, and those of [`make_ready`].
+    /// [`Error::Interrupted`] if the run was stopped, and those of [`precompute`].
     pub fn make(
         &self,
         curves: &MadeCloth,
@@ -216,25 +200,28 @@ impl ClothRecipe {
         has_far: bool,
         run: &Run<'_>,
     ) -> Result<ClothData, Error> {
-        let told = |ClothStep { what, done, total }: ClothStep| {
-            run.tell(Progress { stage: Stage::Cloth(what), done: done as u64, total: total as u64 });
+        let report = |ClothStep { what, done, total }: ClothStep| {
+            run.report(Progress { stage: Stage::Cloth(what), done: done as u64, total: total as u64 });
             run.check_stop().is_ok()
         };
         let effort = if has_far { Effort::Full } else { Effort::Near };
-        let data = make_ready(&self.spec_text, &self.spec.name, &curves.curves, models, effort, &told);
+        let data = precompute(&self.spec, &self.spec_text, &curves.curves, models, effort, &report);
         let mut data = data.map_err(|error| Error::of_simulation(error, &self.file))?;
-        data.colors.clone_from(&curves.colors);
+        data.looks.clone_from(&curves.looks);
         Ok(data)
     }
 
-    /// The cloth: looked up by the contents of spec, models and files among those in [`cloth_cache`], or made
-    /// and kept there. One that is damaged is made again.
+    /// The precomputed cloth. It is looked up in [`cloth_cache`] by the contents of spec, models and files,
+    /// or computed and cached. A damaged file in the cache is replaced.
     ///
     /// # Errors
-    /// As [`ClothRecipe::models`], [`ClothRecipe::curves`] and [`ClothRecipe::make`]. A folder that cannot be
-    /// written is a note.
-    pub fn ready(&self, library: &ModelLibrary, run: &Run<'_>) -> Result<ReadyCloth, Error> {
-        let models = self.models(library)?;
+    /// Those of [`ClothRecipe::plies`], [`ClothPlies::build`], [`ClothRecipe::curves`] and
+    /// [`ClothRecipe::make`]. A cache folder that cannot be written results in a note.
+    pub fn precomputed(&self, library: &ModelLibrary, run: &Run<'_>) -> Result<PrecomputedCloth, Error> {
+        let plies = self.plies(library)?;
+        // Weaving takes seconds and refuses what cannot be woven, building a model takes minutes.
+        let woven = if plies.are_complete() { None } else { Some(self.curves(run)?) };
+        let ClothPlyModels { models, mut notes } = plies.build(run)?;
         let mut of = format!("{} {MAKING}\n{}\n", env!("CARGO_PKG_VERSION"), self.spec_text);
         for model in &models {
             of += &digest_of_bytes(&model.data().to_bytes()?);
@@ -243,75 +230,28 @@ impl ClothRecipe {
             of += &digest_of_file(&self.folder.join(named))?;
         }
         let digest = digest_of_bytes(of.as_bytes());
-        let kept = cloth_cache().map(|folder| folder.join(format!("{}.pwc", &digest[..24])));
-        if let Some(path) = kept.as_ref().filter(|path| path.exists())
+        let cached = cloth_cache().map(|folder| folder.join(format!("{}.pwc", &digest[..24])));
+        if let Some(path) = cached.as_ref().filter(|path| path.exists())
             && let Ok(data) = ClothData::load(path)
         {
-            return Ok(ReadyCloth { data, digest, notes: Vec::new() });
+            return Ok(PrecomputedCloth { data, digest, notes });
         }
-        let curves = self.curves(run)?;
+        let curves = woven.map_or_else(|| self.curves(run), Ok)?;
         let data = self.make(&curves, &models, true, run)?;
-        let mut notes = curves.notes.clone();
-        notes.push(match kept {
+        notes.extend(curves.notes.iter().cloned());
+        notes.push(match cached {
             None => "the cloth is not kept: there is no cache folder; PLYWAVE_CACHE names one".into(),
             Some(path) => match keep(&data, &path) {
                 Ok(()) => format!("the cloth was made and is kept in {}", path.display()),
                 Err(e) => format!("the cloth was made and could not be kept: {e}"),
             },
         });
-        Ok(ReadyCloth { data, digest, notes })
+        Ok(PrecomputedCloth { data, digest, notes })
     }
-}
-
-fn keep(data: &ClothData, path: &Path) -> plywave::Result<()> {
-    if let Some(folder) = path.parent() {
-        let io = |source| plywave::Error::Io { file: folder.display().to_string(), source };
-        std::fs::create_dir_all(folder).map_err(io)?;
-    }
-    data.save(path)
 }
 
 fn is_toml(name: &str) -> bool {
     Path::new(name).extension().is_some_and(|e| e == "toml")
-}
-
-/// Folder in which cloths are kept: that of the variable PLYWAVE_CACHE, or `plywave` in the user's cache
-/// folder. `None` where there is neither.
-pub fn cloth_cache() -> Option<PathBuf> {
-    let of = |name: &str| std::env::var_os(name).filter(|v| !v.is_empty()).map(PathBuf::from);
-    of("PLYWAVE_CACHE").or_else(|| {
-        let user = of("XDG_CACHE_HOME").or_else(|| of("LOCALAPPDATA")).or_else(|| Some(of("HOME")?.join(".cache")))?;
-        Some(user.join("plywave"))
-    })
-}
-
-/// Largest file of which a digest is taken [bytes].
-const MAX_INPUT: u64 = 1 << 32;
-
-/// SHA-256 of a file's bytes, in hex.
-///
-/// # Errors
-/// [`plywave::Error::Io`].
-pub fn digest_of_file(path: &Path) -> plywave::Result<String> {
-    let mut file = plywave::io::open_file(path, MAX_INPUT)?;
-    let mut hash = Sha256::new();
-    let mut buffer = vec![0; 1 << 16];
-    loop {
-        match file.read(&mut buffer) {
-            Ok(0) => return Ok(hex(&hash.finalize())),
-            Ok(n) => hash.update(&buffer[..n]),
-            Err(source) => return Err(plywave::Error::Io { file: path.display().to_string(), source }),
-        }
-    }
-}
-
-/// SHA-256 of bytes, in hex.
-pub fn digest_of_bytes(bytes: &[u8]) -> String {
-    hex(&Sha256::digest(bytes))
-}
-
-fn hex(bytes: &[u8]) -> String {
-    bytes.iter().map(|b| format!("{b:02x}")).collect()
 }
 
 #[cfg(test)]
@@ -319,37 +259,44 @@ mod tests {
     use super::*;
     use std::sync::atomic::AtomicBool;
 
-    const VOILE: &str = "name = \"voile\"\n[weave]\nkind = \"plain\"\n\
-        [warp]\ncount = { dtex = 12 }\ndensity_g_per_cm3 = 1.38\nends_per_cm = 150\n\
-        [weft]\ncount = { dtex = 12 }\ndensity_g_per_cm3 = 1.38\npicks_per_cm = 150\n";
+    const YARN: &str = "fiber = \"polyester bright 14.62 um\"\ncount = \"11.904 dtex\"\npacking = 0.65\n";
 
-    /// Models that are not there are told by the key that names them.
+    /// A spec whose warp has more keys.
+    fn voile(more: &str) -> String {
+        format!(
+            "name = \"voile\"\n[weave]\nkind = \"plain\"\nends_per_cm = 150\npicks_per_cm = 150\n\
+             [warp]\n{more}{YARN}[weft]\n{YARN}"
+        )
+    }
+
+    /// Yarns without a model get the one of the library that is alike, and so do yarn specs; the error for a
+    /// missing model names the key that refers to it.
     #[test]
-    fn models_are_named_by_kind_of_yarn() {
+    fn models_are_found_or_named_by_kind_of_yarn() {
         let folder = tempfile::tempdir().unwrap();
-        let recipe = |model: &str| {
-            let text = VOILE.replace("ends_per_cm", &format!("{model}ends_per_cm"));
-            ClothRecipe::parse("voile.toml", text, folder.path()).unwrap()
-        };
+        let recipe = |more: &str| ClothRecipe::parse("voile.toml", voile(more), folder.path()).unwrap();
         let library = crate::model_library();
-        let refused = |recipe: &ClothRecipe| recipe.models(&library).unwrap_err().to_string();
-        assert_eq!(refused(&recipe("")), "voile.toml: warp.model = (absent): name the model of its plies");
-        assert!(refused(&recipe("model = \"polyester\"\n")).contains("weft.model = (absent)"));
-        // Neither the spec that is named nor its model: a shipped cloth comes with both.
-        let missing = refused(&recipe("model = \"plies/silk_single.toml\"\n"));
-        assert!(missing.contains("warp.model = plies/silk_single.toml: no such file in"), "{missing}");
-        assert!(missing.contains("nor its model plies/silk_single.pwm; `plywave new organza"), "{missing}");
-        assert!(!missing.contains("build"), "{missing}");
-        let specs = |recipe: &ClothRecipe| recipe.ply_specs(&library).unwrap_err().to_string();
-        assert!(specs(&recipe("model = \"ply.toml\"\n")).contains("warp.model = ply.toml: no such file in"));
-        std::fs::write(folder.path().join("ply.toml"), plywave::spec::POLYESTER).unwrap();
-        assert!(refused(&recipe("model = \"ply.toml\"\n")).contains("build its model first: `plywave build"));
+        let found = |more: &str| recipe(more).plies(&library).unwrap().build(&Run::plain()).unwrap();
+        let note = |kind: &str| format!("{kind}: the model polyester_bundle of the library");
+        assert_eq!(found("").notes, [note("warp"), note("weft")]);
+        let named = found("model = \"polyester_bundle\"\n");
+        assert_eq!((named.models.len(), &named.notes[..]), (2, &[note("weft")][..]));
+        assert_eq!(recipe("").plies(&library).unwrap().spec_texts()[0], named.models[0].data().spec_text);
+
+        let refused = |more: &str| recipe(more).plies(&library).unwrap_err().to_string();
+        let unknown = refused("model = \"polyestr\"\n");
+        assert!(unknown.contains("warp.model = polyestr: ") && unknown.contains("polyester_bundle"), "{unknown}");
+        assert!(refused("model = \"plies/silk.pwm\"\n").contains("warp.model = plies/silk.pwm: "));
+        let missing = "warp.model = ply.toml: no such file; leave the key out for the yarn's own ply";
+        assert!(refused("model = \"ply.toml\"\n").contains(missing));
+        std::fs::write(folder.path().join("ply.toml"), format!("name = \"ply\"\n[yarn]\n{YARN}")).unwrap();
+        assert_eq!(found("model = \"ply.toml\"\n").notes, [note("warp"), note("weft")]);
         assert_eq!([0, 1].map(|kind| recipe("").kind_name(kind)), ["warp", "weft"]);
     }
 
     #[test]
     fn curves_are_stopped() {
-        let recipe = ClothRecipe::parse("voile.toml", VOILE, "").unwrap();
+        let recipe = ClothRecipe::parse("voile.toml", voile(""), "").unwrap();
         let stop = AtomicBool::new(true);
         let stopped = recipe.curves(&Run { stop: Some(&stop), ..Run::plain() });
         assert!(matches!(stopped, Err(Error::Interrupted { .. })), "{stopped:?}");

@@ -1,11 +1,12 @@
 //! Errors of the pipeline. Each prints as one line.
 
+use plywave_runs::RunError;
 use plywave_sim::SimError;
 
 /// Errors between a spec and a model.
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
-    /// A run of shards was stopped; finished shards are in the parts folder, if there is one.
+    /// The run of shards was stopped; the finished shards are in the parts folder, if there is one.
     #[error("stopped with {left} of {total} shards left")]
     Interrupted {
         /// Remaining shards.
@@ -13,18 +14,18 @@ pub enum Error {
         /// Shards of the stage.
         total: usize,
     },
-    /// Error of the simulator.
+    /// The simulator failed.
     #[error("{file}: {source}")]
     Simulation {
         /// The spec's name.
         file: String,
         /// The error.
-        source: SimError,
+        source: RunError,
     },
-    /// Error of a run's folder of parts, its files, or their merge. The message names the file.
+    /// A run's folder of parts, one of its files, or their merge is invalid. The message names the file.
     #[error(transparent)]
-    Parts(SimError),
-    /// Error of the fit.
+    Parts(RunError),
+    /// The fit failed.
     #[error("{file}: {source}")]
     Fit {
         /// The table's or spec's name.
@@ -32,18 +33,18 @@ pub enum Error {
         /// The error.
         source: plywave_fit::FitError,
     },
-    /// Invalid spec, table, model or file. The message names it.
+    /// A spec, table, model or file is invalid. The message names it.
     #[error(transparent)]
     Runtime(#[from] plywave::Error),
-    /// An export that cannot be made.
+    /// An export is impossible.
     #[error("{file}: {what}")]
     Export {
         /// The file.
         file: String,
-        /// Why.
+        /// Reason.
         what: String,
     },
-    /// An override of a key that the spec does not have.
+    /// An override refers to a key that the spec does not contain.
     #[error("{file}: {key} = (absent): a recipe changes keys that are there; add the key to the spec")]
     NoSuchKey {
         /// The spec's name.
@@ -54,16 +55,13 @@ pub enum Error {
 }
 
 impl Error {
-    /// An error of the simulator about the spec `file`.
-    pub fn of_simulation(error: SimError, file: &str) -> Error {
-        match error {
-            SimError::Interrupted { left, total } => Error::Interrupted { left, total },
-            SimError::Stopped => Error::Interrupted { left: 0, total: 0 },
-            SimError::Runtime(error) => Error::Runtime(error),
-            error @ (SimError::PartsInUse { .. }
-            | SimError::PartsFound { .. }
-            | SimError::PartsOfAnotherRun { .. }
-            | SimError::Merge { .. }) => Error::Parts(error),
+    /// Error of a simulation or its run for the spec `file`.
+    pub fn of_simulation(error: impl Into<RunError>, file: &str) -> Error {
+        match error.into() {
+            RunError::Interrupted { left, total } => Error::Interrupted { left, total },
+            RunError::Runtime(error) => Error::Runtime(error),
+            error if matches!(error.job(), Some(SimError::Stopped)) => Error::Interrupted { left: 0, total: 0 },
+            error if error.is_of_parts() => Error::Parts(error),
             source => Error::Simulation { file: file.into(), source },
         }
     }

@@ -1,7 +1,7 @@
-//! A cloth for other programs: reports, BSDF files, materials.
+//! Exports of a cloth to other programs: reports, BSDF files, materials.
 //!
-//! [`export`] makes the files of a [`Format`] in memory; [`Exported::save`] writes all of them or none. All
-//! are of the same mean over the cell ([`MeanCloth`]), or of maps of the same cloth over its repeat.
+//! [`export`] builds the files of a [`Format`] in memory; [`Exported::save`] writes all of them or none. All
+//! formats describe the same mean over the cell ([`MeanCloth`]), or maps of the same cloth over its repeat.
 
 mod basis;
 mod gltf;
@@ -23,7 +23,7 @@ pub use basis::{Basis, KLEMS_RINGS, incident, outgoing};
 pub use heat::Heat;
 pub use maps::{Maps, Point, Texel, rectangle};
 pub use material::{Bound, Fit, Gloss, Material};
-pub use matrix::{BAND_NAMES, BANDS, Block, Matrix, Steps};
+pub use matrix::{BAND_NAMES, BANDS, Matrix, MatrixBlock, Steps};
 pub use mean::{Bands, BeyondVisible, CONE_RAD, Energies, Estimate, MeanCloth, NODES, Spectrum, lambda_um};
 pub use report::{Report, Row, View};
 
@@ -32,16 +32,17 @@ use crate::run::{Progress, Run, Stage};
 use plywave::cloth::ClothData;
 use std::path::{Path, PathBuf};
 
-/// Formats.
+/// Formats of exports.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Format {
-    /// Numbers with standard errors: JSON, CSV, Markdown or HTML by the ending of the file.
+    /// Report of measured quantities with standard errors: JSON, CSV, Markdown or HTML, by the ending of the
+    /// file.
     Report,
-    /// LBNL WINDOW and Radiance: matrix between the patches of Klems.
+    /// LBNL WINDOW and Radiance: matrix between the patches of the Klems basis.
     Klems,
     /// Radiance: tensor tree.
     TensorTree,
-    /// The RGL's tensor file of measured materials: reflection of the face.
+    /// The RGL's tensor file for measured materials: reflection of the face.
     Rgl,
     /// OpenPBR as MaterialX, with textures.
     OpenPbr,
@@ -52,11 +53,11 @@ pub enum Format {
 }
 
 impl Format {
-    /// All.
+    /// All formats.
     pub const ALL: [Format; 7] =
         [Format::Report, Format::Klems, Format::TensorTree, Format::Rgl, Format::OpenPbr, Format::Gltf, Format::Usd];
 
-    /// As the command line has it.
+    /// Name of the format on the command line.
     pub fn name(self) -> &'static str {
         match self {
             Format::Report => "report",
@@ -69,12 +70,12 @@ impl Format {
         }
     }
 
-    /// The format of a name.
+    /// The format with this name.
     pub fn named(name: &str) -> Option<Format> {
         Format::ALL.into_iter().find(|format| format.name() == name)
     }
 
-    /// Endings of its file, the usual one first.
+    /// Endings of the main file, the usual one first.
     pub fn endings(self) -> &'static [&'static str] {
         match self {
             Format::Report => &["md", "html", "json", "csv"],
@@ -87,26 +88,26 @@ impl Format {
     }
 }
 
-/// How a cloth is exported.
+/// Options of an export.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ExportOptions {
-    /// One absorption [1/um] at every wavelength for all yarns, in place of their colors.
+    /// One absorption [1/um] for all yarns at every wavelength, which overrides their colors.
     pub sigma_per_um: Option<f64>,
-    /// Absorptions beyond the visible.
+    /// Absorptions outside the visible range.
     pub beyond: BeyondVisible,
-    /// Samples of each row of a report.
+    /// Number of samples for each row of a report.
     pub samples: usize,
-    /// Seed of these.
+    /// Seed of these samples.
     pub seed: u32,
-    /// Views of a report; none for the usual ones.
+    /// Views of a report; an empty list selects the default views.
     pub views: Vec<View>,
-    /// Squares along an edge of the hemisphere of a tensor tree, a power of two.
+    /// Number of squares along an edge of the hemisphere in a tensor tree, a power of two.
     pub squares: usize,
     /// Whether an RGL file has spectra instead of linear sRGB.
     pub is_spectral: bool,
-    /// Pixels of textures along the longer side of the repeat.
+    /// Number of pixels of textures along the longer side of the repeat.
     pub pixels: usize,
-    /// Length of cloth to a unit of a surface's texture coordinates [mm], of MaterialX.
+    /// Length of cloth per unit of a surface's texture coordinates [mm], for MaterialX.
     pub mm_per_uv: f64,
 }
 
@@ -129,16 +130,16 @@ impl Default for ExportOptions {
 /// The files of an export.
 #[derive(Clone, Debug)]
 pub struct Exported {
-    /// The main files, then those that they name: paths and bytes.
+    /// The main files, then the files to which they refer: paths and bytes.
     pub files: Vec<(PathBuf, Vec<u8>)>,
-    /// What a user should know, one a line: what is assumed, what the format leaves out.
+    /// Notes for the user, one per line: assumptions, and properties that the format cannot express.
     pub notes: Vec<String>,
-    /// Numbers, by name.
+    /// Named numbers about the export.
     pub facts: Vec<(&'static str, f64)>,
 }
 
 impl Exported {
-    /// Writes all files or none, the main ones last; gives their paths.
+    /// Writes all files or none, the main ones last; returns their paths.
     ///
     /// # Errors
     /// [`plywave::Error::Io`].
@@ -150,11 +151,11 @@ impl Exported {
     }
 }
 
-/// What is assumed beyond the visible.
+/// Notes on assumptions about light outside the visible range.
 fn beyond_note(beyond: BeyondVisible) -> Vec<String> {
     let bands = Bands::new();
     let [uv, ir] = bands.solar_ends.map(|share| format!("{:.1} %", 100.0 * share));
-    let end = |given: Option<f64>, end: &str| match given {
+    let end = |absorption: Option<f64>, end: &str| match absorption {
         Some(sigma) => format!("{sigma} per um"),
         None => format!("what it is at {end} um"),
     };
@@ -165,7 +166,7 @@ fn beyond_note(beyond: BeyondVisible) -> Vec<String> {
     )]
 }
 
-/// Refuses options out of range.
+/// Refuses options that are out of range for a format.
 fn check(options: &ExportOptions, format: Format) -> Result<(), Error> {
     let refuse = |key: &str, value: String, hint: &str| {
         let (file, key) = ("export".into(), key.into());
@@ -201,17 +202,18 @@ fn check(options: &ExportOptions, format: Format) -> Result<(), Error> {
     Ok(())
 }
 
-/// Fewest samples of a row.
+/// Smallest number of samples for a row of a report.
 const BATCHES_MIN: usize = 256;
-/// Directions a side of a patch.
+/// Number of directions along a side of a patch.
 const KLEMS_STEPS: Steps = Steps { incident: 3, outgoing: 3 };
 const TREE_STEPS: Steps = Steps { incident: 2, outgoing: 2 };
-/// Difference of values that a tensor tree leaves out, over the larger one.
+/// Relative difference of values below which a tensor tree merges them.
 const TREE_TOLERANCE: f64 = 0.02;
-/// Nodes of the RGL's file.
+/// Numbers of nodes in the RGL's file.
 const RGL_SIZE: rgl::RglSize = rgl::RglSize { phi_i: 17, theta_i: 12, half: [64, 64] };
 
-/// Refuses names of main files that the format does not have; a report has one or more, another format one.
+/// Refuses main files whose number or endings do not fit the format; a report has one or more, any other
+/// format exactly one.
 fn check_mains(format: Format, mains: &[PathBuf]) -> Result<(), Error> {
     let refuse = |main: &Path, key: &str, value: String, hint: String| {
         let (file, key) = (main.display().to_string(), key.into());
@@ -239,11 +241,12 @@ fn check_mains(format: Format, mains: &[PathBuf]) -> Result<(), Error> {
     }
 }
 
-/// The files of a cloth in a format; `mains` are the paths of the main file, or of a report's files.
+/// Builds the files of a cloth in a format; `mains` are the paths of the main file, or of all files of a
+/// report.
 ///
 /// # Errors
-/// [`Error::Runtime`] for options out of range and an ending that the format does not have,
-/// [`Error::Interrupted`] when stopped.
+/// [`Error::Runtime`] for options out of range and for an ending that the format does not have,
+/// [`Error::Interrupted`] if the run was stopped.
 pub fn export(
     data: &ClothData,
     format: Format,
@@ -256,7 +259,7 @@ pub fn export(
     let main = mains[0].as_path();
     let name = main.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
     let cloth = MeanCloth::new(data, options.sigma_per_um, options.beyond)?;
-    let tell = |done: u64, total: u64| run.tell(Progress { stage: Stage::Export, done, total });
+    let tell = |done: u64, total: u64| run.report(Progress { stage: Stage::Export, done, total });
     match format {
         Format::Report => {
             let views = if options.views.is_empty() { View::usual() } else { options.views.clone() };
@@ -338,22 +341,23 @@ pub fn export(
     }
 }
 
-/// What a file says of its origin.
+/// Text by which a file names its origin.
 fn made_by(format: Format) -> String {
     format!("Made by {}, version {}.", outputs::mark(format), env!("CARGO_PKG_VERSION"))
 }
 
-/// What balancing has changed.
+/// Note on the effect of balancing a matrix.
 const ASYMMETRY_NOTE: &str = "The file is reciprocal: a value is the mean of both directions of light, scaled so that the light of every incident patch adds up to what the cloth sends out. The asymmetry says how far apart both directions were before: the root mean square difference between a value and the value with light and viewer exchanged, over that of the values. The energy change is the largest one of a patch's light.";
 
-/// Most light that a file may give back of 1.
+/// Largest fraction of incident light that a file may return.
 const MAX_TOTAL: f64 = 1.005;
 
-/// Reflected and transmitted light of the direction that has the most of it, of 1.
+/// Checks the largest sum of reflected and transmitted light over all directions, relative to the incident
+/// light.
 ///
 /// # Errors
-/// [`plywave::Error::Invalid`] where that is more than came, by more than the error of the numbers:
-/// programs that multiply layers would gain energy at each pass.
+/// [`plywave::Error::Invalid`] if that sum exceeds 1 by more than the numerical error: programs that multiply
+/// layers would gain energy at each pass.
 fn checked_total(total: f64) -> Result<f64, Error> {
     if total <= MAX_TOTAL {
         return Ok(total);
@@ -366,10 +370,10 @@ fn checked_total(total: f64) -> Result<f64, Error> {
     }))
 }
 
-/// Size of a swatch, at least, of whole repeats [um].
+/// Minimum size of a swatch, which consists of whole repeats [um].
 const SWATCH_UM: f64 = 1e4;
 
-/// A material and its textures, in the files of a format.
+/// Builds a material and its textures in the files of a format.
 fn swatch(
     cloth: &MeanCloth,
     data: &ClothData,
@@ -436,7 +440,7 @@ fn swatch(
     let stem = outputs::stem_beside(format, main);
     let made_by = outputs::mark(format);
     let made = openpbr::TextureFiles::new(openpbr::texture_names(&stem), &made_by, &maps, &material, &textures)?;
-    // On a swatch of USD, texture coordinates count repeats.
+    // On a USD swatch, texture coordinates count repeats.
     let mm_per_uv = if format == Format::Usd { None } else { Some(options.mm_per_uv) };
     let text = openpbr::mtlx(&data.name, &maps, &material, &textures, &made, mm_per_uv, &in_file);
     let mut files = Vec::new();
@@ -452,7 +456,7 @@ fn swatch(
     Ok(Exported { files, notes, facts })
 }
 
-/// What is said of a parameter at a bound of the fit.
+/// Note on a parameter at a bound of the fit.
 fn bound_note(bound: &Bound) -> String {
     let limit = if bound.is_upper { "largest" } else { "smallest" };
     format!(
@@ -461,7 +465,7 @@ fn bound_note(bound: &Bound) -> String {
     )
 }
 
-/// Light under an even sky over the face that a format of reflection alone leaves out, as facts and in words.
+/// Light under a uniform sky over the face that a reflection-only format leaves out, as facts and as text.
 fn left_out(cloth: &MeanCloth, options: &ExportOptions) -> (Vec<(&'static str, f64)>, String) {
     let bands = Bands::new();
     let batches = cloth.energies(&|u| mean::diffuse(true, u), options.samples, options.seed);

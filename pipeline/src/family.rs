@@ -1,32 +1,34 @@
-//! A family of plies from one spec with ranges: choice of nodes, their tables, joint fit.
+//! Builds a family of plies from one spec with ranges: chooses its nodes, simulates their tables, and fits
+//! them jointly.
 
 use crate::error::Error;
 use crate::recipe::Recipe;
 use crate::run::Run;
 use crate::stages::{check_fit, simulate, simulate_job, tell_fit, with_lobes_of};
+use plywave::Document;
 use plywave::ply::{FamilyAxis, FamilyData, FamilyParam, FamilyParams, PlyData, PlyFamily};
 use plywave::spec::YarnSpec;
-use plywave::table::Table;
 use plywave_fit::{FamilyMiddle, FamilyTables, FitErrors, FitOptions, errors, fit_family};
+use plywave_runs::{Found, PartsFolder, Plan, RunError};
 use plywave_sim::SimulateJob;
-use plywave_sim::runs::{Found, PartsFolder, Plan};
+use plywave_tables::table::Table;
 use std::path::Path;
 use std::sync::Arc;
 
-/// Options for the choice of a family's nodes.
+/// Options for choosing a family's nodes.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FamilyOptions {
     /// Initial nodes along each axis, in equal steps of its coordinate.
     pub first_nodes: usize,
     /// Largest number of nodes along an axis.
     pub most_nodes: usize,
-    /// Largest error of f_high in the middle of a cell relative to that of the adjacent nodes, rms over all
-    /// slices. Above it the cell is split in two.
+    /// Largest error of f_high at the center of a cell relative to that at the adjacent nodes, rms over all
+    /// slices. A cell with a larger error is split in two.
     pub error_ratio: f64,
-    /// Largest difference of an energy in the middle of a cell from the simulation's. Above it the cell is
-    /// split too.
+    /// Largest difference between an energy of the model and of the simulation at the center of a cell. A
+    /// cell with a larger difference is split too.
     pub energy: f64,
-    /// Whether the middles of cells are simulated for the joint fit.
+    /// Whether the centers of cells are simulated for the joint fit.
     pub middles: bool,
 }
 
@@ -36,17 +38,18 @@ impl Default for FamilyOptions {
     }
 }
 
-/// Folder of tables, so that a stopped run can resume.
+/// Folder of simulated tables, from which a stopped run resumes.
 #[derive(Clone, Copy, Debug)]
 pub struct FamilyFolder<'a> {
-    /// The folder; tables of nodes are `DIGEST.pwt` in it, shards of the running one in `DIGEST.parts`.
+    /// The folder. It contains the tables of nodes as `DIGEST.pwt`, and the shards of the running one in
+    /// `DIGEST.parts`.
     pub path: &'a Path,
 }
 
-/// Refuses yarns that have no family.
+/// Refuses specs that do not describe a family.
 ///
 /// # Errors
-/// [`plywave::Error::Invalid`], which says why.
+/// [`plywave::Error::Invalid`], with the reason.
 pub fn check_family_spec(spec: &YarnSpec, file: &str) -> Result<(), Error> {
     let refuse = |key: &str, value: String, hint: &str| {
         let (file, key, hint) = (file.into(), key.into(), hint.into());
@@ -78,7 +81,7 @@ pub fn member(recipe: &Recipe, params: &FamilyParams) -> Result<Recipe, Error> {
     Ok(Recipe { spec, spec_text: text, speckle: crate::Speckle::None, ..recipe.clone() })
 }
 
-/// The axes of a spec's ranges with `count` nodes each in equal steps of the coordinates.
+/// The axes of a spec's ranges, with `count` nodes each in equal steps of the axis's coordinate.
 fn axes(spec: &YarnSpec, count: usize) -> Vec<FamilyAxis> {
     let Some(family) = spec.family else { return Vec::new() };
     let radius = spec.ply_ring().radius_um;
@@ -96,13 +99,13 @@ fn axes(spec: &YarnSpec, count: usize) -> Vec<FamilyAxis> {
     FamilyParam::ALL.into_iter().zip(ranges).filter_map(of).collect()
 }
 
-/// Values of an axis at the middles of its cells, in the axis's coordinate.
+/// Values at the centers of an axis's cells; a center halves its cell in the axis's coordinate.
 fn middles_of(axis: &FamilyAxis, radius: f64) -> Vec<f64> {
     let x = |v: f64| axis.param.coordinate(v, radius);
     axis.values.windows(2).map(|w| axis.param.of_coordinate(0.5 * (x(w[0]) + x(w[1])), radius)).collect()
 }
 
-/// The yarns of a product of axes, those of `values` along each.
+/// The yarns of the product of axes, with `values` along each.
 fn product(spec: &YarnSpec, axes: &[FamilyAxis], values: impl Fn(&FamilyAxis) -> Vec<f64>) -> Vec<FamilyParams> {
     axes.iter().fold(vec![FamilyParams::from_spec(spec)], |all, axis| {
         let values = values(axis);
@@ -117,7 +120,7 @@ fn product(spec: &YarnSpec, axes: &[FamilyAxis], values: impl Fn(&FamilyAxis) ->
     })
 }
 
-/// The yarns at the nodes of axes, and those in the middles of their cells if the fit uses them.
+/// The yarns at the nodes of the axes, and those at the centers of cells if the fit uses them.
 fn yarns(spec: &YarnSpec, axes: &[FamilyAxis], middles: bool) -> [Vec<FamilyParams>; 2] {
     let radius = spec.ply_ring().radius_um;
     let between = if middles { product(spec, axes, |axis| middles_of(axis, radius)) } else { Vec::new() };
@@ -134,7 +137,7 @@ fn corners(axes: &[FamilyAxis], params: &FamilyParams, radius: f64) -> Vec<(usiz
     })
 }
 
-/// The name of a member's table in a [`FamilyFolder`], without its ending.
+/// Name of a member's table in a [`FamilyFolder`], without its ending.
 fn table_name(digest: &str) -> &str {
     &digest[..digest.len().min(16)]
 }
@@ -147,12 +150,12 @@ pub struct FamilyJob {
     pub job: SimulateJob,
 }
 
-/// All jobs of [`build_family`] with these options if nodes are not chosen by error
-/// ([`FamilyOptions::most_nodes`] at most [`FamilyOptions::first_nodes`]). It serves callers that run the
+/// All jobs of [`build_family`] with these options, if nodes are not chosen by error
+/// ([`FamilyOptions::most_nodes`] at most [`FamilyOptions::first_nodes`]). They serve callers that run the
 /// shards elsewhere and put them into a folder.
 ///
 /// # Errors
-/// As [`build_family`], before any work.
+/// Those of [`build_family`], before any work.
 pub fn family_jobs(recipe: &Recipe, options: &FamilyOptions) -> Result<Vec<FamilyJob>, Error> {
     check_family_spec(&recipe.spec, &recipe.file)?;
     let axes = axes(&recipe.spec, options.first_nodes.max(2));
@@ -163,7 +166,7 @@ pub fn family_jobs(recipe: &Recipe, options: &FamilyOptions) -> Result<Vec<Famil
     yarns(&recipe.spec, &axes, options.middles).iter().flatten().map(of).collect()
 }
 
-/// The table of a member: from the folder, or simulated and put there.
+/// The table of a member: loaded from the folder, or simulated and saved there.
 fn table(recipe: &Recipe, folder: Option<FamilyFolder<'_>>, run: &Run<'_>) -> Result<Table, Error> {
     let Some(folder) = folder else { return simulate(recipe, run) };
     let digest = Plan::from_job(&simulate_job(recipe)?).digest;
@@ -176,7 +179,7 @@ fn table(recipe: &Recipe, folder: Option<FamilyFolder<'_>>, run: &Run<'_>) -> Re
     {
         return Ok(table);
     }
-    let of = |e| Error::of_simulation(e, &recipe.file);
+    let of = |e: RunError| Error::of_simulation(e, &recipe.file);
     let parts = PartsFolder::open(folder.path.join(format!("{name}.parts")), Found::Resume).map_err(of)?;
     let table = simulate(recipe, &Run { parts: Some(&parts), ..*run })?;
     table.save(&path)?;
@@ -184,7 +187,7 @@ fn table(recipe: &Recipe, folder: Option<FamilyFolder<'_>>, run: &Run<'_>) -> Re
     Ok(table)
 }
 
-/// Tables by parameters, each simulated once.
+/// Tables by parameters; each is simulated once.
 struct Tables<'a> {
     recipe: &'a Recipe,
     folder: Option<FamilyFolder<'a>>,
@@ -209,13 +212,13 @@ impl Tables<'_> {
 /// recipe and options alone.
 ///
 /// *Nodes.* Along each axis, with the others at their middle nodes, a family of that line alone is fitted and
-/// compared with new simulations in the middles of its cells. The cell with the largest error relative to its
-/// limit, [`FamilyOptions::error_ratio`] or [`FamilyOptions::energy`], is split at its middle. This repeats
+/// compared with new simulations at the centers of its cells. The cell with the largest error relative to its
+/// limit, [`FamilyOptions::error_ratio`] or [`FamilyOptions::energy`], is split at its center. This repeats
 /// until all cells are within both limits or the axis has [`FamilyOptions::most_nodes`]. Then all nodes of
-/// the product of the axes, and the middles of its cells, are simulated and fitted together.
+/// the product of the axes, and the centers of its cells, are simulated and fitted together.
 ///
 /// # Errors
-/// [`Error::Interrupted`] when stopped; specs that have no family; those of the stages.
+/// [`Error::Interrupted`] if the run was stopped; specs that do not describe a family; those of the stages.
 pub fn build_family(
     recipe: &Recipe,
     options: &FamilyOptions,
@@ -290,8 +293,8 @@ fn refine_axis(
     Ok(())
 }
 
-/// Largest differences of a model's r_d, E_refl and E_high, as fractions of the beam, from those of the table
-/// of `errors`: at the nodes of the slices and, for r_d, at the table's finer nodes.
+/// Largest differences between r_d, E_refl and E_high of a model, as fractions of the beam, and those of the
+/// table of `errors`: at the nodes of the slices and, for r_d, at the table's finer nodes.
 pub fn energies_off(model: &PlyData, table: &Table, errors: &FitErrors) -> [f64; 3] {
     let fine = table.fine_energies();
     let columns = fine.miss_h_um.len();

@@ -2,14 +2,15 @@
 
 use crate::error::Error;
 use plywave::spec::YarnSpec;
-use plywave::speckle::SpecklePatterns;
 use plywave_fit::FitOptions;
 use plywave_sim::SimOptions;
-use plywave_sim::wave::TabulateOptions;
+use plywave_tables::speckle::SpecklePatterns;
+use plywave_textile::{load_yarn, load_yarn_file};
+use plywave_wave::TabulateOptions;
 use std::path::Path;
 
-/// Quality of a run: the name of the presets of all its stages.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+/// Quality of a run: it selects the preset of each stage.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Quality {
     /// For a first look: under a minute for polyester.
     Preview,
@@ -20,7 +21,7 @@ pub enum Quality {
 }
 
 impl Quality {
-    /// Its name in files.
+    /// Name of the quality in files.
     pub fn name(self) -> &'static str {
         match self {
             Quality::Preview => "preview",
@@ -29,7 +30,7 @@ impl Quality {
         }
     }
 
-    /// The quality of a preset's name in a file; other presets count as standard.
+    /// The quality of a preset's name in a file; unknown presets count as standard.
     pub fn of_preset(name: &str) -> Quality {
         match name {
             "preview" => Quality::Preview,
@@ -71,12 +72,12 @@ impl Quality {
 pub enum Speckle {
     /// No speckle: a smooth model.
     None,
-    /// Patterns of the spec's fiber are solved, except at preview quality.
+    /// The patterns of the spec's fiber are solved, except at preview quality.
     #[default]
     Usual,
-    /// Patterns of this many instances of the spec's fiber are solved, at any quality.
+    /// The patterns of this many instances of the spec's fiber are solved, at any quality.
     Solve(u32),
-    /// These patterns, from a file of this name.
+    /// The patterns come from a file with this name.
     Patterns(Box<SpecklePatterns>, String),
 }
 
@@ -87,25 +88,25 @@ pub struct Recipe {
     pub file: String,
     /// The yarn.
     pub spec: YarnSpec,
-    /// Text of the spec, kept in table and model.
+    /// Text of the spec, which table and model contain.
     pub spec_text: String,
     /// Quality of all stages.
     pub quality: Quality,
     /// Seed of all stages.
     pub seed: u64,
-    /// Paths per incident latitude, taking precedence over spec and quality.
+    /// Paths per incident latitude; overrides spec and quality.
     pub paths: Option<u64>,
-    /// Instances of the ply, taking precedence over spec and quality.
+    /// Instances of the ply; overrides spec and quality.
     pub instances: Option<u32>,
-    /// Whether all plies of the yarn are traced together, as a reference for models; such a table is not
+    /// Whether all plies of the yarn are traced together, as a reference for models; such a table cannot be
     /// fitted.
     pub traced_plies: bool,
-    /// Speckle.
+    /// Source of the speckle.
     pub speckle: Speckle,
 }
 
 impl Recipe {
-    /// Recipe of a parsed spec, whose text is `spec_text`, with seed 1 and no overrides.
+    /// Recipe for a parsed spec with the text `spec_text`, with seed 1 and no overrides.
     pub fn new(file: impl Into<String>, spec: YarnSpec, spec_text: impl Into<String>, quality: Quality) -> Recipe {
         Recipe {
             file: file.into(),
@@ -120,27 +121,30 @@ impl Recipe {
         }
     }
 
-    /// Recipe of a spec's file.
+    /// Recipe for the file of a spec.
     ///
     /// # Errors
-    /// Those of [`YarnSpec::load`].
+    /// Those of the file and of [`load_yarn`].
     pub fn load(path: impl AsRef<Path>, quality: Quality) -> Result<Recipe, Error> {
-        let (spec, text) = YarnSpec::load(&path)?;
+        let (spec, text) = load_yarn_file(&path)?;
         Ok(Recipe::new(path.as_ref().display().to_string(), spec, text, quality))
     }
 
-    /// Recipe of a spec's text with overrides of some keys; `file` stands for it in messages.
+    /// Recipe for the text of a spec in which some keys are overridden; `file` identifies the text in
+    /// messages.
     ///
     /// # Errors
-    /// [`Error::NoSuchKey`] for a key that the text lacks, those of [`YarnSpec::parse`] for the changed text.
+    /// [`Error::NoSuchKey`] for a key that the text does not contain, and those of [`load_yarn`] for
+    /// the changed text.
     pub fn changed(file: &str, text: &str, changes: &[(&str, String)], quality: Quality) -> Result<Recipe, Error> {
         let text = with_keys(text, changes).map_err(|key| Error::NoSuchKey { file: file.into(), key: key.into() })?;
-        let spec = YarnSpec::parse(&text, &format!("{file} (changed)"))?;
+        let none = plywave::io::MemoryAssets::default();
+        let (spec, text) = load_yarn(&text, &format!("{file} (changed)"), &none)?;
         Ok(Recipe::new(file, spec, text, quality))
     }
 
-    /// Instances of the fiber whose speckle is solved; `None` if nothing is solved, `Some(None)` for the
-    /// usual number.
+    /// Number of fiber instances whose speckle is solved: `None` if no speckle is solved, `Some(None)` for
+    /// the default number.
     pub fn solved_speckle(&self) -> Option<Option<u32>> {
         match &self.speckle {
             Speckle::Usual if self.quality != Quality::Preview => Some(None),
@@ -149,7 +153,7 @@ impl Recipe {
         }
     }
 
-    /// Sizes of the simulation: those of the quality, overridden by the spec, then by the recipe.
+    /// Sizes of the simulation: those of the quality, overridden by the spec and then by the recipe.
     pub fn simulation(&self) -> SimOptions {
         let mut options = self.quality.simulation().overridden_by(&self.spec.simulation);
         options.seed = self.seed;
@@ -163,7 +167,7 @@ impl Recipe {
 /// A TOML text with the values of some keys changed, in any table.
 ///
 /// # Errors
-/// The first key that the text lacks.
+/// The first key that the text does not contain.
 pub fn with_keys<'a>(text: &str, changes: &'a [(&'a str, String)]) -> Result<String, &'a str> {
     let mut changed = vec![false; changes.len()];
     let lines = text.lines().map(|line| {

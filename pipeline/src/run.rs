@@ -1,7 +1,7 @@
-//! How a recipe runs: folders of parts, progress, stop flag.
+//! Conditions under which a recipe runs: folders of parts, progress, stop flag.
 
 use crate::error::Error;
-use plywave_sim::runs::PartsFolder;
+use plywave_runs::PartsFolder;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Stage of the work that progress counts.
@@ -19,9 +19,9 @@ pub enum Stage {
     FitErrors,
     /// Fibers whose speckle is solved.
     Speckle,
-    /// Steps in which the yarns of a cloth come to rest.
+    /// Steps in which the yarns of a cloth relax.
     Curves,
-    /// A further step of making a cloth, by its name: 0 of 1 is done.
+    /// A further step of a cloth's precomputation, by its name; it is not subdivided.
     Cloth(&'static str),
     /// Directions of an export.
     Export,
@@ -56,13 +56,13 @@ impl Stage {
         }
     }
 
-    /// Whether the number of its units is known before its end. Where it is not, the total of [`Progress`] is
-    /// one more than is done.
+    /// Whether the number of units is known in advance. If it is unknown, the total of [`Progress`] is one
+    /// more than is done.
     pub fn has_end(self) -> bool {
         self != Stage::Curves
     }
 
-    /// Whether the stage checks the stop flag while it runs and keeps its finished shards.
+    /// Whether the stage checks the stop flag while it runs and saves its finished shards.
     pub fn is_stoppable(self) -> bool {
         matches!(self, Stage::Simulate | Stage::Speckle)
     }
@@ -79,17 +79,17 @@ pub struct Progress {
     pub total: u64,
 }
 
-/// How a recipe runs. Nothing here changes the result.
+/// Conditions under which a recipe runs. None of them changes the result.
 #[derive(Clone, Copy, Default)]
 pub struct Run<'a> {
-    /// Folder for finished shards of the simulation; `None` keeps them in memory only.
+    /// Folder for finished shards of the simulation; `None` stores them in memory only.
     pub parts: Option<&'a PartsFolder>,
-    /// The same for solved fibers.
+    /// Folder for finished shards of the speckle solver.
     pub speckle_parts: Option<&'a PartsFolder>,
-    /// Set to stop with [`Error::Interrupted`]: at once in stages that are [stoppable](Stage::is_stoppable),
-    /// else after the stage.
+    /// A flag that stops the run with [`Error::Interrupted`]: at once in [stoppable](Stage::is_stoppable)
+    /// stages, else after the stage.
     pub stop: Option<&'a AtomicBool>,
-    /// Called from any thread.
+    /// Receives the progress; called from any thread.
     pub progress: Option<&'a (dyn Fn(Progress) + Sync)>,
 }
 
@@ -99,13 +99,13 @@ impl Run<'_> {
         Run::default()
     }
 
-    pub(crate) fn tell(&self, progress: Progress) {
+    pub(crate) fn report(&self, progress: Progress) {
         if let Some(tell) = self.progress {
             tell(progress);
         }
     }
 
-    /// Whether to go on: [`Error::Interrupted`] once the flag is set.
+    /// Returns [`Error::Interrupted`] if the stop flag is set.
     pub(crate) fn check_stop(&self) -> Result<(), Error> {
         match self.stop {
             Some(stop) if stop.load(Ordering::Relaxed) => Err(Error::Interrupted { left: 0, total: 0 }),

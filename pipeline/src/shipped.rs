@@ -1,38 +1,37 @@
-//! What ships: the library of ply models ([`plywave_models`]), and specs of cloths and yarns with the files
+//! Shipped data: the library of ply models ([`plywave_models`]), and specs of cloths and yarns with the files
 //! that they need.
 
-use crate::cloth::ClothRecipe;
 use crate::error::Error;
 use plywave::io::ModelLibrary;
 pub use plywave_models::MODELS as SHIPPED_MODELS;
 use plywave_models::SPECS;
-use std::path::Path;
+use plywave_textile::{ClothSpec, WeaveSpec};
 
-/// [`ModelLibrary::usual`] with the shipped models.
+/// [`ModelLibrary::usual`], extended by the shipped models.
 pub fn model_library() -> ModelLibrary {
     ModelLibrary::usual().with_embedded(SHIPPED_MODELS)
 }
 
-/// What a spec that ships is of.
+/// Kind of a shipped spec.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ShippedKind {
-    /// A cloth.
+    /// A cloth spec.
     Cloth,
-    /// A yarn.
+    /// A yarn spec.
     Yarn,
-    /// A yarn with ranges, for a family.
+    /// A yarn spec with ranges, for a family.
     Family,
 }
 
-/// Folder of the cloths among the files that ship.
+/// Folder of the cloth specs within the shipped files.
 const CLOTHS: &str = "cloths/";
 
-/// A spec that ships, compiled in.
+/// A shipped spec, compiled in.
 #[derive(Clone, Copy, Debug)]
 pub struct ShippedSpec {
-    /// What it is of.
+    /// Kind of the spec.
     pub kind: ShippedKind,
-    /// Its path below `fabrics/`.
+    /// Path of the spec below `fabrics/`.
     path: &'static str,
     text: &'static str,
 }
@@ -41,8 +40,6 @@ impl ShippedSpec {
     fn new(path: &'static str, bytes: &'static [u8]) -> Option<ShippedSpec> {
         let text = std::str::from_utf8(bytes).ok()?;
         let kind = match path.strip_prefix(CLOTHS) {
-            // Those of plies come with their cloths.
-            Some(file) if file.contains('/') => return None,
             Some(_) => ShippedKind::Cloth,
             None if text.lines().any(|line| line == "[family]") => ShippedKind::Family,
             None => ShippedKind::Yarn,
@@ -50,28 +47,22 @@ impl ShippedSpec {
         Some(ShippedSpec { kind, path, text })
     }
 
-    /// All specs that ship: yarns and families by name, then cloths.
+    /// All shipped specs: yarns and families by name, then cloths.
     pub fn all() -> Vec<ShippedSpec> {
         SPECS.iter().filter_map(|(path, bytes)| ShippedSpec::new(path, bytes)).collect()
     }
 
-    /// A cloth that names the model or yarn spec `path`.
-    pub fn cloth_with(path: &str) -> Option<ShippedSpec> {
-        let has = |spec: &ShippedSpec| spec.models().is_ok_and(|models| models.iter().any(|model| model == path));
-        ShippedSpec::all().into_iter().filter(|spec| spec.kind == ShippedKind::Cloth).find(has)
-    }
-
-    /// Name of its file.
+    /// File name of the spec.
     pub fn file(&self) -> &'static str {
         self.path.strip_prefix(CLOTHS).unwrap_or(self.path)
     }
 
-    /// Its name: that of its file without the ending.
+    /// Name of the spec: its file name without the ending.
     pub fn name(&self) -> &'static str {
         self.file().trim_end_matches(".toml")
     }
 
-    /// What it is, in a sentence: the first of its comment, without what stands in parentheses.
+    /// Description in one sentence: the first of the spec's comment, without parentheses.
     pub fn about(&self) -> String {
         let comment = self.text.lines().map_while(|line| line.strip_prefix('#')).map(str::trim);
         let mut depth = 0;
@@ -87,31 +78,20 @@ impl ShippedSpec {
         sentence.split_whitespace().collect::<Vec<_>>().join(" ").replace(" :", ":")
     }
 
-    fn recipe(&self) -> Result<ClothRecipe, Error> {
-        ClothRecipe::parse(self.file(), self.text, "")
+    fn cloth(&self) -> Result<ClothSpec, Error> {
+        Ok(ClothSpec::parse(self.text, self.file())?)
     }
 
-    /// The models and yarn specs that a cloth names.
-    fn models(&self) -> Result<Vec<String>, Error> {
-        Ok(self.recipe()?.spec.yarns().into_iter().filter_map(|yarn| yarn.model.clone()).collect())
-    }
-
-    /// The files that it needs and the spec itself, which is the last: paths relative to it, and contents.
-    /// Models that go by name are among those that ship.
+    /// The files that the spec needs, and last the spec itself: paths relative to the spec, and contents. The
+    /// models of its plies are among the shipped models.
     ///
     /// # Errors
-    /// None, as long as what ships is whole.
+    /// An error means that the shipped data is incomplete.
     pub fn files(&self) -> Result<Vec<(String, &'static [u8])>, Error> {
-        let mut needed = Vec::new();
-        if self.kind == ShippedKind::Cloth {
-            for model in self.models()?.into_iter().filter(|model| !ModelLibrary::is_name(model)) {
-                needed.extend(Path::new(&model).with_extension("pwm").to_str().map(|path| path.replace('\\', "/")));
-                needed.push(model);
-            }
-            needed.extend(self.recipe()?.files().into_iter().map(str::to_string));
-        }
-        needed.sort();
-        needed.dedup();
+        let mut needed: Vec<String> = match self.kind {
+            ShippedKind::Cloth => files_of(&self.cloth()?).into_iter().map(str::to_string).collect(),
+            ShippedKind::Yarn | ShippedKind::Family => Vec::new(),
+        };
         needed.push(self.file().into());
         needed.into_iter().map(|path| self.needed(path)).collect()
     }
@@ -130,10 +110,19 @@ impl ShippedSpec {
     }
 }
 
+/// Files other than models that a cloth spec names: a WIF, a picture, or curves.
+pub(crate) fn files_of(spec: &ClothSpec) -> Vec<&str> {
+    let wif = spec.weave.iter().filter_map(|weave| match weave {
+        WeaveSpec::Wif { file } => Some(file.as_str()),
+        WeaveSpec::Picture(picture) => Some(picture.picture.as_str()),
+        _ => None,
+    });
+    wif.chain(spec.curves.iter().map(|curves| curves.file.as_str())).collect()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
-    use plywave::cloth::ClothSpec;
     use std::collections::BTreeSet;
 
     const FABRICS: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../fabrics");
@@ -150,14 +139,27 @@ mod tests {
         }
     }
 
+    /// The index of plies has the spec of each model.
+    #[test]
+    fn the_index_has_the_plies_of_the_models() {
+        let index: std::collections::BTreeMap<String, String> = serde_json::from_str(plywave_models::PLIES).unwrap();
+        assert!(index.keys().eq(SHIPPED_MODELS.iter().map(|(name, _)| *name)), "run scripts/model_index.py");
+        for (name, bytes) in SHIPPED_MODELS {
+            let model = plywave::PlyModel::from_bytes(bytes, name).unwrap();
+            let [of_index, of_model] = [&index[*name], &model.data().spec_text]
+                .map(|text| plywave::spec::YarnSpec::parse(text, name).unwrap());
+            assert_eq!(of_index, of_model, "{name}: run scripts/model_index.py");
+        }
+    }
+
     #[test]
     fn every_spec_of_the_folder_ships() {
         let mut there = BTreeSet::new();
-        for folder in ["", "cloths/", "cloths/plies/"] {
+        for folder in ["", "cloths/"] {
             for entry in std::fs::read_dir(format!("{FABRICS}/{folder}")).unwrap().map(Result::unwrap) {
                 let name = entry.file_name().to_string_lossy().into_owned();
-                let is_spec = name.ends_with(".toml") || name.ends_with(".pwm");
-                if is_spec && entry.file_type().unwrap().is_file() && name != "Cargo.toml" {
+                let is_needed = [".toml", ".wif", ".png"].iter().any(|ending| name.ends_with(ending));
+                if is_needed && entry.file_type().unwrap().is_file() && name != "Cargo.toml" {
                     there.insert(format!("{folder}{name}"));
                 }
             }
@@ -166,7 +168,7 @@ mod tests {
         assert!(SPECS.iter().all(|(path, bytes)| std::fs::read(format!("{FABRICS}/{path}")).unwrap() == *bytes));
     }
 
-    /// Each spec with the files that it names, in a folder of its own, is whole.
+    /// Each spec loads from a folder that contains only the files that it names.
     #[test]
     fn a_spec_comes_with_what_it_needs() {
         for spec in ShippedSpec::all() {
@@ -181,16 +183,21 @@ mod tests {
             let path = folder.path().join(spec.file());
             match spec.kind {
                 ShippedKind::Cloth => {
-                    let recipe = ClothRecipe::load(&path).unwrap();
+                    // Nothing is built: each ply has a model that ships.
+                    let recipe = crate::ClothRecipe::load(&path).unwrap();
                     let library = ModelLibrary::none().with_embedded(SHIPPED_MODELS);
-                    assert_eq!(recipe.models(&library).unwrap().len(), ClothSpec::yarns(&recipe.spec).len());
-                    recipe.ply_specs(&library).unwrap();
+                    let plies = recipe.plies(&library).unwrap().build(&crate::Run::plain()).unwrap();
+                    assert_eq!(plies.models.len(), ClothSpec::yarns(&recipe.spec).len());
+                    for note in &plies.notes {
+                        assert!(note.ends_with("of the library"), "{}: {note}", spec.file());
+                    }
                 }
                 ShippedKind::Yarn | ShippedKind::Family => {
                     assert_eq!(files.len(), 1);
                     let text = std::fs::read_to_string(path).unwrap();
-                    let is_yarn = plywave::spec::YarnSpec::parse(&text, spec.file()).is_ok();
-                    assert!(is_yarn || spec.kind == ShippedKind::Family, "{spec:?}");
+                    let none = plywave::io::MemoryAssets::default();
+                    let yarn = plywave_textile::load_yarn(&text, spec.file(), &none);
+                    assert!(yarn.is_ok() || spec.kind == ShippedKind::Family, "{spec:?}: {yarn:?}");
                 }
             }
         }
@@ -202,6 +209,5 @@ mod tests {
         assert_eq!(about("denim"), "Denim: 3/1 twill of single cotton yarns, the warp dyed in the rope");
         assert_eq!(about("cotton"), "A ply of cotton fibers: kidney-shaped with a hollow core");
         assert_eq!(about("polyester"), "A ply of round polyester filaments");
-        assert_eq!(ShippedSpec::cloth_with("plies/silk_single.toml").unwrap().name(), "organza");
     }
 }

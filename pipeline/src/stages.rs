@@ -1,26 +1,26 @@
-//! The stages of the pipeline, each from input and options to its output.
+//! The stages of the pipeline, as functions from input and options to output.
 
 use crate::error::Error;
 use crate::recipe::Recipe;
 use crate::run::{Progress, Run, Stage};
 use plywave::ply::{EdgeLobes, PlyData};
 use plywave::spec::YarnSpec;
-use plywave::speckle::SpecklePatterns;
-use plywave::table::Table;
-use plywave_fit::speckle::{NoiseOptions, noise_spectrum};
 use plywave_fit::{EdgeOptions, FitOptions, fit, fit_edge, frame};
-use plywave_sim::runs::{self, PartsFolder};
-use plywave_sim::wave::{SpeckleJob, SpeckleOptions};
+use plywave_runs::{self as runs, PartsFolder};
 use plywave_sim::{SimError, SimulateJob};
+use plywave_tables::speckle::SpecklePatterns;
+use plywave_tables::table::Table;
+use plywave_wave::noise::{NoiseOptions, noise_spectrum};
+use plywave_wave::{SpeckleJob, SpeckleOptions};
 use std::sync::atomic::{AtomicU64, Ordering};
 
-/// Limits of a good fit: largest error of an f_refl slice, and of an f_high slice as a share of its light at
-/// sigma = 0.
+/// Limits of a good fit: the largest error of an f_refl slice, and that of an f_high slice relative to its
+/// light at sigma = 0.
 const GOOD_REFL: f64 = 0.2;
-/// See [`GOOD_REFL`].
+/// Limit for f_high; see [`GOOD_REFL`].
 const GOOD_HIGH: f64 = 0.15;
 
-/// Runs one stage's job with the stage's progress.
+/// Runs one stage's job and reports its progress.
 fn run_job<J: runs::Job>(
     job: &J,
     stage: Stage,
@@ -32,14 +32,14 @@ fn run_job<J: runs::Job>(
     let done = AtomicU64::new(0);
     let advance = |units: u64| {
         let done = done.fetch_add(units, Ordering::Relaxed) + units;
-        run.tell(Progress { stage, done, total });
+        run.report(Progress { stage, done, total });
     };
-    run.tell(Progress { stage, done: 0, total });
+    run.report(Progress { stage, done: 0, total });
     let inner = runs::Run { parts, stop: run.stop, progress: Some(&advance) };
     runs::run(job, inner).map_err(|e| Error::of_simulation(e, file))
 }
 
-/// The job of a recipe's simulation. Refuses too few paths, whose noise would prevent saving the table.
+/// The job of a recipe's simulation. A number of paths whose noise would make the table invalid is refused.
 ///
 /// # Errors
 /// [`Error::Simulation`].
@@ -58,17 +58,17 @@ pub fn simulate(recipe: &Recipe, run: &Run<'_>) -> Result<Table, Error> {
     run_job(&simulate_job(recipe)?, Stage::Simulate, run.parts, run, &recipe.file)
 }
 
-/// The table of the yarn of `spec` from the table of one of its plies; `None` if the table is already that of
-/// the yarn, or the yarn has one ply. `file` stands for the table in messages.
+/// Computes the table of the yarn of `spec` from the table of one of its plies; `None` if the table describes
+/// the yarn already, or the yarn has one ply. `file` identifies the table in messages.
 ///
 /// # Errors
-/// [`Error::Simulation`] for tables whose arrays do not fit together.
+/// [`Error::Simulation`] for tables with inconsistent arrays.
 pub fn yarn_table(table: &Table, spec: &YarnSpec, file: &str, run: &Run<'_>) -> Result<Option<Table>, Error> {
     if table.plies > 1 || spec.yarn.plies == 1 {
         return Ok(None);
     }
     let tell = |done: usize, total: usize| {
-        run.tell(Progress { stage: Stage::Yarn, done: done as u64, total: total as u64 });
+        run.report(Progress { stage: Stage::Yarn, done: done as u64, total: total as u64 });
     };
     match plywave_sim::yarn::yarn_table(table, spec, &plywave_sim::yarn::YarnOptions::default(), &tell) {
         Ok((yarn, _)) => Ok(Some(yarn)),
@@ -76,8 +76,8 @@ pub fn yarn_table(table: &Table, spec: &YarnSpec, file: &str, run: &Run<'_>) -> 
     }
 }
 
-/// Fits the model of a table, with its layer factors and the edge lobes of `spec`, the table's spec. The
-/// spec's numbers of lobes override the options'. `file` stands for the table in messages.
+/// Fits the model of a table, with its layer factors and the edge lobes of `spec`, the table's spec. Numbers
+/// of lobes in the spec override those of the options. `file` identifies the table in messages.
 ///
 /// # Errors
 /// [`Error::Fit`].
@@ -103,11 +103,11 @@ pub(crate) fn tell_fit(run: &Run<'_>, p: plywave_fit::Progress) {
         plywave_fit::Stage::Reflection => Stage::FitReflection,
         plywave_fit::Stage::Errors => Stage::FitErrors,
     };
-    run.tell(Progress { stage, done: p.done as u64, total: p.total as u64 });
+    run.report(Progress { stage, done: p.done as u64, total: p.total as u64 });
 }
 
-/// Refuses a table whose model could not be saved, within milliseconds; returns the edge lobes of `spec`.
-/// `file` stands for the table in messages.
+/// Refuses, within milliseconds, a table whose model could not be saved; returns the edge lobes of `spec`.
+/// `file` identifies the table in messages.
 ///
 /// # Errors
 /// [`Error::Fit`].
@@ -119,7 +119,7 @@ pub fn check_fit(table: &Table, spec: &YarnSpec, options: &FitOptions, file: &st
     }
 }
 
-/// The options with the numbers of lobes of a spec.
+/// The options with the spec's numbers of lobes.
 pub(crate) fn with_lobes_of(options: &FitOptions, spec: &YarnSpec) -> FitOptions {
     let mut options = *options;
     options.lobes_refl = spec.simulation.lobes_refl.map_or(options.lobes_refl, |n| n as usize);
@@ -127,16 +127,17 @@ pub(crate) fn with_lobes_of(options: &FitOptions, spec: &YarnSpec) -> FitOptions
     options
 }
 
-/// Options of the speckle patterns for a recipe's noise.
+/// Options of the speckle patterns of a recipe.
 pub fn speckle_options(recipe: &Recipe, instances: Option<u32>) -> SpeckleOptions {
     let usual = SpeckleOptions::default();
     SpeckleOptions { seed: recipe.seed, instances: instances.unwrap_or(usual.instances), ..usual }
 }
 
-/// Patterns of single fibers of `spec`, whose text is `spec_text`. `file` stands for it in messages.
+/// Solves speckle patterns of single fibers of `spec`, whose text is `spec_text`. `file` identifies the spec
+/// in messages.
 ///
 /// # Errors
-/// Those of [`plywave_sim::wave::speckle`].
+/// Those of [`plywave_wave::speckle`].
 pub fn solve_speckle(
     spec: &YarnSpec,
     spec_text: &str,
@@ -148,8 +149,8 @@ pub fn solve_speckle(
     run_job(&job, Stage::Speckle, run.speckle_parts, run, file)
 }
 
-/// Gives a model the speckle noise of patterns of its fiber, in the beam of `spec`. `file` stands for the
-/// patterns in messages.
+/// Adds speckle noise to a model: the spectrum of the patterns of its fiber in the beam of `spec`. `file`
+/// identifies the patterns in messages.
 ///
 /// # Errors
 /// Those of [`noise_spectrum`].
@@ -158,53 +159,54 @@ pub fn add_speckle(model: &mut PlyData, patterns: &SpecklePatterns, spec: &YarnS
     Ok(())
 }
 
-/// Noise of a model of `spec`.
+/// Options of the noise of a model of `spec`.
 pub(crate) fn noise_options(seed: u64, spec: &YarnSpec) -> NoiseOptions {
     NoiseOptions { seed, w0_um: spec.beam.beam().w0_um, ..NoiseOptions::default() }
 }
 
-/// Hit share of a beam above which a slice's errors count in full ([`held_errors`]).
+/// Fraction of a beam that hits fibers above which a slice's errors count in full ([`held_errors`]).
 pub const MIN_MET: f64 = 0.02;
 
 /// Errors of f_refl, `[theta_i][h]`, and of f_high, `[theta_i][h][sigma]`, for comparison with limits:
 /// relative L2 errors of the slices, for f_high as a share of the slice's light at sigma = 0.
 ///
 /// Beyond the ply's rim almost none of a beam hits fibers, and the error of energies is 0.002 of the beam. If
-/// less than [`MIN_MET`] of the beam hits fibers, a slice's errors count in proportion to the hit share.
+/// less than [`MIN_MET`] of the beam hits fibers, a slice's errors are scaled by that fraction over
+/// [`MIN_MET`].
 pub fn held_errors(data: &PlyData, error_refl: &[f64], error_high: &[f64]) -> [Vec<f64>; 2] {
     let (nodes, sigmas) = (data.node_energies(), data.sigma_per_um.len().max(1));
     let energy = |k: usize| nodes[k / sigmas].high_at(data.sigma_per_um[k % sigmas], &data.path_um);
     let share = |k: usize| energy(k) / energy(k - k % sigmas).max(f64::MIN_POSITIVE);
-    let met = |node: usize| ((1.0 - nodes[node].r_d) / MIN_MET).clamp(0.0, 1.0);
+    let hit_share = |node: usize| ((1.0 - nodes[node].r_d) / MIN_MET).clamp(0.0, 1.0);
     [
-        error_refl.iter().enumerate().map(|(node, e)| e * met(node)).collect(),
-        error_high.iter().enumerate().map(|(k, e)| e * share(k) * met(k / sigmas)).collect(),
+        error_refl.iter().enumerate().map(|(node, e)| e * hit_share(node)).collect(),
+        error_high.iter().enumerate().map(|(k, e)| e * share(k) * hit_share(k / sigmas)).collect(),
     ]
 }
 
 /// Distance of a model from the table of its fit: the largest errors of its slices, as in `plywave check`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FitQuality {
-    /// Largest relative L2 error of an f_refl slice, noise removed; 0 for a model without f_refl, as of
-    /// opaque fibers; NaN where noise hides them all.
+    /// Largest relative L2 error of an f_refl slice, without noise; 0 for a model without f_refl, as for
+    /// opaque fibers; NaN if noise hides all of them.
     pub refl: f64,
-    /// The same for f_high, as a share of the slice's light at sigma = 0.
+    /// Largest error of an f_high slice, relative to its light at sigma = 0.
     pub high: f64,
 }
 
 impl FitQuality {
-    /// Quality of a model by the errors that its fit stored.
+    /// Quality of a model from the errors that its fit stored in it.
     pub fn from_data(data: &PlyData) -> FitQuality {
         FitQuality::of_errors(data, &data.error_refl, &data.error_high)
     }
 
     /// Quality of a model with these errors of its slices, `[theta_i][h]` and `[theta_i][h][sigma]`, weighted
-    /// as by [`held_errors`].
+    /// as in [`held_errors`].
     pub fn of_errors(data: &PlyData, error_refl: &[f64], error_high: &[f64]) -> FitQuality {
         let [refl, high] = held_errors(data, error_refl, error_high);
-        // Errors that are not above 0 are hidden by noise.
+        // Noise hides errors that are not positive.
         let largest = |errors: Vec<f64>| errors.into_iter().filter(|e| *e > 0.0).fold(f64::NAN, f64::max);
-        // Without light there is nothing to fit: the lobes' energies are the table's.
+        // Without light, no fit is needed: the energies of the lobes are those of the table.
         let none = data.node_energies().iter().all(|energies| energies.refl == 0.0);
         FitQuality { refl: if none { 0.0 } else { largest(refl) }, high: largest(high) }
     }
@@ -216,7 +218,7 @@ impl FitQuality {
 
     /// Whether both errors are at most those of `allowed`. Errors that noise hides pass.
     pub fn is_within(&self, allowed: &FitQuality) -> bool {
-        let exceeds = |value: f64, most: f64| value > most;
+        let exceeds = |value: f64, limit: f64| value > limit;
         !exceeds(self.refl, allowed.refl) && !exceeds(self.high, allowed.high)
     }
 }

@@ -33,7 +33,7 @@ def load(path: PathLike) -> "Union[Model, Cloth, Fiber, Table, Speckle, Twin, Fa
             return Fiber(name)
         if "[[fiber]]" in sections:
             raise Error(f"{name}: a scene for waves (TOML); `plywave.wave.scatter` takes it")
-        if not sections & {"[weave]", "[knit]", "[curves]"} and sections & {"[fiber]", "[fiber.shape]", "[ply]", "[absorption]"}:
+        if not sections & {"[weave]", "[knit]", "[curves]"} and sections & {"[fiber]", "[fiber.shape]", "[ply]", "[absorption]", "[yarn]"}:
             raise Error(f"{name}: a yarn spec (TOML); `plywave.build` makes a model of it")
         return Cloth(name)
     if _NAME.fullmatch(name) and not os.path.exists(name):

@@ -1,7 +1,7 @@
-//! Many queries at once: arrays from Python, chunks of them side by side on threads, and what every [`Bsdf`]
-//! answers.
+//! Batches of queries: arrays from Python, evaluated in chunks on several threads, and the calls that every
+//! [`Bsdf`] answers.
 //!
-//! Chunks have a fixed size and each is worked on alone, so that results do not depend on the number of
+//! Chunks have a fixed size and are evaluated independently, so the results do not depend on the number of
 //! threads.
 
 use crate::errors::{Failure, Outcome};
@@ -13,13 +13,13 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
-/// Most absorptions or wavelengths of a call.
+/// Largest number of absorptions or wavelengths of a call.
 pub(crate) const MAX_CHANNELS: usize = 8;
-/// Queries that one thread takes at a time.
+/// Number of queries in a chunk.
 pub(crate) const CHUNK: usize = 2048;
-/// Time between two looks for Ctrl-C.
+/// Time between two checks for Ctrl-C.
 const LOOK_EVERY: Duration = Duration::from_millis(100);
-/// Directions of one query from which they are evaluated together.
+/// Number of directions of one query from which they are evaluated together.
 const TOGETHER: usize = 4;
 
 /// A flat array of either kind of float.
@@ -31,19 +31,19 @@ pub(crate) enum Floats<'py> {
     Double(PyReadonlyArray1<'py, f64>),
 }
 
-/// Rows of K numbers: one for all queries, or one a query.
+/// Rows of K numbers: one row for all queries, or one per query.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Rows<'a, const K: usize> {
-    /// One for all.
+    /// One row for all queries.
     One([f32; K]),
-    /// One a query, in single precision.
+    /// One row per query, in single precision.
     Single(&'a [[f32; K]]),
-    /// One a query, in double precision.
+    /// One row per query, in double precision.
     Double(&'a [[f64; K]]),
 }
 
 impl<'a, const K: usize> Rows<'a, K> {
-    /// Of an array of `n` rows or of one.
+    /// Rows from an array with `n` rows or a single one.
     pub(crate) fn new(floats: &'a Floats<'_>, n: usize, name: &str) -> Outcome<Rows<'a, K>> {
         fn slice<'a, T: numpy::Element>(array: &'a PyReadonlyArray1<'_, T>, name: &str) -> Outcome<&'a [T]> {
             array
@@ -71,7 +71,7 @@ impl<'a, const K: usize> Rows<'a, K> {
         rows.ok_or_else(|| Failure::input("arrays", name, "of another length", "the wrapper hands in rows that fit"))
     }
 
-    /// Of an array that may be left out: then `usual` for all.
+    /// Rows from an optional array; without it, `usual` for all queries.
     pub(crate) fn of_optional(
         floats: Option<&'a Floats<'_>>,
         n: usize,
@@ -91,22 +91,22 @@ impl<'a, const K: usize> Rows<'a, K> {
         }
     }
 
-    /// Rows of some queries, in `kept` where they are not in memory as they are.
-    pub(crate) fn range<'b>(&'b self, range: Range<usize>, kept: &'b mut Vec<[f32; K]>) -> &'b [[f32; K]] {
+    /// Rows of a range of queries; they are copied to `buffer` unless they are in memory already.
+    pub(crate) fn range<'b>(&'b self, range: Range<usize>, buffer: &'b mut Vec<[f32; K]>) -> &'b [[f32; K]] {
         if let Rows::Single(rows) = self {
             return &rows[range];
         }
-        kept.clear();
-        kept.extend(range.map(|i| self.get(i)));
-        kept
+        buffer.clear();
+        buffer.extend(range.map(|i| self.get(i)));
+        buffer
     }
 }
 
-/// Works on jobs on `threads` threads, each taking the next. The calling thread, which must not hold the
-/// interpreter's lock, looks for Ctrl-C now and then.
+/// Runs `work` on all jobs on `threads` threads, each taking the next job. The calling thread, which must not
+/// hold the interpreter's lock, checks for Ctrl-C periodically.
 ///
 /// # Errors
-/// The exception that a signal raised; some jobs are then not done.
+/// The exception that a signal raised; some jobs may then not have run.
 pub(crate) fn parallel<I: Iterator + Send>(jobs: I, threads: usize, work: impl Fn(I::Item) + Sync) -> PyResult<()>
 where
     I::Item: Send,
@@ -142,26 +142,26 @@ where
     })
 }
 
-/// How many threads `n` queries are worth.
+/// Number of threads that is worthwhile for `n` queries.
 fn threads_for(n: usize, threads: usize) -> usize {
     threads.min(n.div_ceil(CHUNK)).max(1)
 }
 
-/// What makes a scattering function of a query.
+/// Constructor of the scattering function of a query.
 pub(crate) trait At<Q> {
-    /// What there is at a query.
+    /// Scattering function at a query.
     type Bsdf;
 
-    /// For one direction. Where that is worth it, implementations are compiled into the loops over queries.
+    /// Prepares the query for one direction. Implementations may be inlined into the loops over queries.
     fn one(&self, query: &Q) -> Self::Bsdf;
 
-    /// For several directions.
+    /// Prepares the query for several directions.
     fn many(&self, query: &Q) -> Self::Bsdf {
         self.one(query)
     }
 }
 
-/// The same for one direction and for several.
+/// A constructor that is the same for one direction and for several.
 pub(crate) struct Same<F>(pub(crate) F);
 
 impl<Q, B, F: Fn(&Q) -> B> At<Q> for Same<F> {
@@ -172,22 +172,22 @@ impl<Q, B, F: Fn(&Q) -> B> At<Q> for Same<F> {
     }
 }
 
-/// Queries of an index, and the scattering function at one of them.
+/// Queries by index, and the constructor of their scattering functions.
 pub(crate) struct PreparedQueries<G, A> {
     /// Number of queries.
     pub(crate) n: usize,
-    /// Threads.
+    /// Number of threads.
     pub(crate) threads: usize,
-    /// The query of an index.
+    /// Returns the query of an index.
     pub(crate) get: G,
-    /// What is there at a query.
+    /// Constructs the scattering function of a query.
     pub(crate) at: A,
 }
 
-/// Runs of equal queries within a range of indices.
+/// Iterator over runs of equal consecutive queries within a range of indices.
 struct Runs<'a, G, Q> {
     get: &'a G,
-    /// The next run's first query.
+    /// First query of the next run.
     query: Option<Q>,
     range: Range<usize>,
 }
@@ -220,7 +220,7 @@ impl<Q: PartialEq, G: Fn(usize) -> Q> Iterator for Runs<'_, G, Q> {
 }
 
 impl<G, A> PreparedQueries<G, A> {
-    /// M numbers a query, of what is there at it and its index.
+    /// Computes M numbers per query from its scattering function and its index.
     pub(crate) fn map<Q: PartialEq, const M: usize>(
         &self,
         out: &mut [[f32; M]],
@@ -241,7 +241,7 @@ impl<G, A> PreparedQueries<G, A> {
         })
     }
 
-    /// K times N numbers a query, each of the K in an array of its own.
+    /// Computes K times N numbers per query; each of the K goes to an array of its own.
     pub(crate) fn map_parts<Q: PartialEq, const N: usize, const K: usize>(
         &self,
         parts: [&mut [[f32; N]]; K],
@@ -267,7 +267,7 @@ impl<G, A> PreparedQueries<G, A> {
         })
     }
 
-    /// f and pdf in the directions `w`.
+    /// Evaluates f and pdf in the directions `w`.
     fn eval_pdf<Q: PartialEq, const N: usize>(
         &self,
         w: Rows<'_, 3>,
@@ -280,8 +280,8 @@ impl<G, A> PreparedQueries<G, A> {
     {
         let jobs = f.chunks_mut(CHUNK).zip(pdf.chunks_mut(CHUNK)).enumerate();
         parallel(jobs, threads_for(self.n, self.threads), |(chunk, (f, pdf))| {
-            let (start, mut kept) = (chunk * CHUNK, Vec::new());
-            let w = w.range(start..start + f.len(), &mut kept);
+            let (start, mut buffer) = (chunk * CHUNK, Vec::new());
+            let w = w.range(start..start + f.len(), &mut buffer);
             for (query, range) in Runs::new(&self.get, start..start + f.len()) {
                 let range = range.start - start..range.end - start;
                 if range.len() == 1 {
@@ -300,15 +300,15 @@ impl<G, A> PreparedQueries<G, A> {
         })
     }
 
-    /// f alone in the directions `w`.
+    /// Evaluates f in the directions `w`.
     fn eval<Q: PartialEq, const N: usize>(&self, w: Rows<'_, 3>, f: &mut [[f32; N]]) -> PyResult<()>
     where
         G: Fn(usize) -> Q + Sync,
         A: At<Q, Bsdf: Bsdf<N>> + Sync,
     {
         parallel(f.chunks_mut(CHUNK).enumerate(), threads_for(self.n, self.threads), |(chunk, f)| {
-            let (start, mut kept, mut pdf) = (chunk * CHUNK, Vec::new(), Vec::new());
-            let w = w.range(start..start + f.len(), &mut kept);
+            let (start, mut buffer, mut pdf) = (chunk * CHUNK, Vec::new(), Vec::new());
+            let w = w.range(start..start + f.len(), &mut buffer);
             for (query, range) in Runs::new(&self.get, start..start + f.len()) {
                 let range = range.start - start..range.end - start;
                 if range.len() == 1 {
@@ -328,8 +328,8 @@ impl<G, A> PreparedQueries<G, A> {
         })
     }
 
-    /// Samples by the numbers `u`: directions, weights, densities and what became of the light. Light that
-    /// goes straight on leaves along `onward`.
+    /// Samples with the numbers `u`: directions, weights, densities and outcomes. Light that passes straight
+    /// through leaves in direction `onward`.
     fn sample<Q: PartialEq, const N: usize>(
         &self,
         u: Rows<'_, 3>,
@@ -365,7 +365,7 @@ impl<G, A> PreparedQueries<G, A> {
         })
     }
 
-    /// f, f and pdf, or samples, into the caller's arrays.
+    /// Writes f, f and pdf, or samples to the caller's arrays.
     pub(crate) fn answer_often<Q: PartialEq, const N: usize>(
         &self,
         py: Python<'_>,
@@ -401,7 +401,7 @@ impl<G, A> PreparedQueries<G, A> {
         Ok(())
     }
 
-    /// What `what` asks for, into the caller's arrays.
+    /// Writes the quantity `what` to the caller's arrays.
     pub(crate) fn answer<Q: PartialEq, const N: usize>(
         &self,
         py: Python<'_>,
@@ -450,8 +450,8 @@ impl<G, A> PreparedQueries<G, A> {
     }
 }
 
-/// The caller's arrays for results: floats in the order of the results, and what became of samples. NumPy
-/// allocates them, as large pages where it can.
+/// The caller's arrays for results: float arrays in the order of the results, and the outcomes of samples.
+/// NumPy allocates them, in large pages if possible.
 #[derive(FromPyObject)]
 #[pyo3(from_item_all)]
 pub(crate) struct Out<'py> {
@@ -460,7 +460,7 @@ pub(crate) struct Out<'py> {
 }
 
 impl Out<'_> {
-    /// The K arrays of floats.
+    /// The first K arrays of floats.
     pub(crate) fn floats<const K: usize>(&mut self) -> Outcome<[&mut [f32]; K]> {
         slices(&mut self.floats)
     }
@@ -491,10 +491,10 @@ pub(crate) fn rows_mut<T, const K: usize>(flat: &mut [T], n: usize) -> Outcome<&
 /// Arrays of Python.
 pub(crate) type Arrays<'py> = Vec<Bound<'py, PyAny>>;
 
-/// Where samples go: directions, weights, densities, events.
+/// Destination of samples: directions, weights, densities, outcomes.
 type SamplesMut<'a, const N: usize> = (&'a mut [[f32; 3]], &'a mut [[f32; N]], &'a mut [f32], &'a mut [u8]);
 
-/// What every scattering function answers.
+/// Quantities that every scattering function provides.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum What {
     Eval,
@@ -521,7 +521,7 @@ impl What {
     }
 }
 
-/// Questions that are asked by the million.
+/// Quantities that callers request for millions of queries.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum ScatterCall {
     Eval,

@@ -1,8 +1,8 @@
-//! What `plywave check` asks of a model.
+//! The checks of `plywave check` for a ply model.
 
 use crate::errors::Outcome;
 use crate::model::Model;
-use plywave::check::{
+use plywave_check::{
     CheckOptions, FURNACE_TOLERANCE, PartReport, REFERENCE_TOLERANCE, SAMPLED_TOLERANCE_SE, WEIGHT_TOLERANCE,
     check_layers, check_model, check_whole,
 };
@@ -10,12 +10,12 @@ use plywave_pipeline::FitQuality;
 use pyo3::prelude::*;
 use rand::{RngExt, SeedableRng};
 
-/// As in `plywave check`: most that a ply over a second layer may miss, and that all light together may miss
-/// 1 at sigma = 0.
+/// Tolerances of `plywave check`: for the energy of a ply over a second layer, and for the total energy at
+/// sigma = 0.
 const LAYER_TOLERANCE: f64 = 0.02;
 const KEPT_TOLERANCE: f64 = 5e-3;
 
-/// One check: its name, what was measured, what is allowed, whether it passed.
+/// One check: its name, the measured value, the allowed value, whether it passed.
 type Line = (&'static str, f64, f64, bool);
 
 fn at_most(check: &'static str, value: f64, allowed: f64) -> Line {
@@ -39,7 +39,7 @@ fn part(names: [&'static str; 5], part: &PartReport, furnace: f64) -> Vec<Line> 
     lines
 }
 
-/// The lines of a model.
+/// Checks a model and returns the lines of the report.
 #[pyfunction]
 pub(crate) fn check(py: Python<'_>, model: &Model, seed: u64, incidences: usize) -> Outcome<Vec<Line>> {
     let model = model.model.clone();

@@ -1,4 +1,4 @@
-//! Cloths of curves, from their files or their specs.
+//! Cloths, from their files or specs.
 
 use crate::batch::{Floats, Out, Rows};
 use crate::cloth_queries::{ClothArrays, ask};
@@ -8,15 +8,16 @@ use crate::watch::watched;
 use crate::work::{RunArgs, SpecArgs};
 use numpy::IntoPyArray;
 use plywave::ClothModel;
+use plywave::Document;
 use plywave::cloth::{ClothData, ClothOptions, ColorOf, GapLight, Slits, YarnColor};
 use plywave::io::{self, FileKind};
-use plywave_pipeline::{ReadyCloth, model_library};
+use plywave_pipeline::{PrecomputedCloth, model_library};
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
 use std::path::PathBuf;
 use std::sync::Arc;
 
-/// How a cloth is shaded.
+/// Shading options of a cloth.
 #[derive(FromPyObject)]
 #[pyo3(from_item_all)]
 pub(crate) struct ClothArgs {
@@ -61,7 +62,7 @@ impl ClothArgs {
     }
 }
 
-/// An absorption [1/um] of the options for all yarns.
+/// Checks an absorption [1/um] of the options for all yarns.
 fn sigma_of_options(sigma: Option<f32>) -> Outcome<Option<f32>> {
     match sigma {
         Some(sigma) if !(0.0..=1e6).contains(&sigma) => {
@@ -71,7 +72,7 @@ fn sigma_of_options(sigma: Option<f32>) -> Outcome<Option<f32>> {
     }
 }
 
-/// A color of yarns: sRGB, an absorption, or none.
+/// Color of yarns: sRGB, an absorption, or none.
 #[derive(FromPyObject)]
 pub(crate) enum Color {
     Srgb([f32; 3]),
@@ -96,7 +97,7 @@ fn color_of(name: &str) -> Outcome<ColorOf> {
     })
 }
 
-/// A cloth, loaded for shading, and the bytes of its file.
+/// A cloth loaded for shading, and the bytes of its file.
 #[pyclass(frozen, module = "plywave._plywave", name = "Cloth")]
 pub(crate) struct Cloth {
     cloth: Arc<ClothModel>,
@@ -106,7 +107,7 @@ pub(crate) struct Cloth {
 
 #[pymethods]
 impl Cloth {
-    /// Of a cloth file.
+    /// Loads a cloth file.
     #[staticmethod]
     fn load(py: Python<'_>, path: PathBuf, options: ClothArgs) -> Outcome<Cloth> {
         let options = options.options()?;
@@ -116,45 +117,46 @@ impl Cloth {
         })
     }
 
-    /// Of the bytes of a cloth file; `name` stands for it in messages.
+    /// Loads the bytes of a cloth file; `name` identifies it in messages.
     #[staticmethod]
     fn from_bytes(py: Python<'_>, bytes: &[u8], name: &str, options: ClothArgs) -> Outcome<Cloth> {
         let options = options.options()?;
         py.detach(|| Cloth::of_bytes(bytes.to_vec(), name, &options))
     }
 
-    /// Of a cloth spec: looked up in the user's cache, or made and kept there.
+    /// Loads the cloth of a spec from the user's cache, or precomputes and caches it.
     #[staticmethod]
     fn of_spec(py: Python<'_>, spec: SpecArgs, options: ClothArgs, run: RunArgs) -> Outcome<Cloth> {
         let (recipe, options) = (spec.cloth()?, options.options()?);
         watched(py, run.threads, run.progress, |watch| {
             watch.run([None, None], |run| {
-                let ReadyCloth { data, notes, .. } = recipe.ready(&model_library(), run)?;
+                let PrecomputedCloth { data, notes, .. } = recipe.precomputed(&model_library(), run)?;
                 Cloth::of_data(data, notes, &options)
             })
         })
     }
 
-    /// Of a cloth spec: made.
+    /// Precomputes the cloth of a spec.
     #[staticmethod]
     fn weave(py: Python<'_>, spec: SpecArgs, options: ClothArgs, run: RunArgs) -> Outcome<Cloth> {
         let (recipe, options) = (spec.cloth()?, options.options()?);
         watched(py, run.threads, run.progress, |watch| {
             watch.run([None, None], |run| {
-                let models = recipe.models(&model_library())?;
+                let plies = recipe.plies(&model_library())?;
                 let curves = recipe.curves(run)?;
-                let data = recipe.make(&curves, &models, true, run)?;
-                Cloth::of_data(data, curves.notes.clone(), &options)
+                let plies = plies.build(run)?;
+                let data = recipe.make(&curves, &plies.models, true, run)?;
+                Cloth::of_data(data, [plies.notes, curves.notes].concat(), &options)
             })
         })
     }
 
-    /// The bytes of its file.
+    /// The bytes of the cloth file.
     fn to_bytes<'py>(&self, py: Python<'py>) -> Bound<'py, PyBytes> {
         PyBytes::new(py, &self.bytes)
     }
 
-    /// The same cloth with other colors; of one kind of yarn, the first.
+    /// The same cloth with other colors; a cloth with one kind of yarn uses the first.
     #[pyo3(signature = (warp, weft, of))]
     fn with_colors(
         &self,
@@ -169,7 +171,7 @@ impl Cloth {
         Ok(Cloth { cloth: Arc::new(cloth), bytes: self.bytes.clone(), notes: self.notes.clone() })
     }
 
-    /// Notes, a line each.
+    /// Notes on the cloth, one per line.
     #[getter]
     fn notes(&self) -> Vec<String> {
         self.notes.clone()
@@ -206,7 +208,7 @@ impl Cloth {
         self.cloth.memory_bytes()
     }
 
-    /// Absorptions [1/um] with which the cloth has these reflectances.
+    /// Absorptions [1/um] at which the cloth has these reflectances.
     fn sigma_of_reflectance<'py>(&self, py: Python<'py>, reflectance: Floats<'py>) -> Outcome<Bound<'py, PyAny>> {
         let n = match &reflectance {
             Floats::Single(array) => array.len()?,
@@ -225,7 +227,7 @@ impl Cloth {
         Ok(crate::model::Model::from_model(model.clone()))
     }
 
-    /// Writes it for other programs; `name` stands for it in messages.
+    /// Exports the cloth for other programs; `name` identifies it in messages.
     fn export(
         &self,
         py: Python<'_>,
@@ -238,7 +240,7 @@ impl Cloth {
         written(py, &self.bytes, name, paths, format, args, run)
     }
 
-    /// Answers `what` of the queries.
+    /// Computes the quantity `what` for the queries.
     fn ask<'py>(&self, py: Python<'py>, what: &str, arrays: ClothArrays<'py>, mut out: Out<'py>) -> Outcome {
         ask(&self.cloth, py, what, &arrays, &mut out)
     }

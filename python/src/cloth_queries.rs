@@ -1,4 +1,4 @@
-//! Queries of cloths and what cloths answer.
+//! Batches of queries of cloths.
 
 use crate::batch::{Floats, Out, PreparedQueries, Rows, Same, What, by_channels, rows_mut};
 use crate::errors::{Failure, Outcome};
@@ -6,7 +6,7 @@ use plywave::cloth::{Channels, ClothBsdf};
 use plywave::{ClothModel, ClothQuery};
 use pyo3::prelude::*;
 
-/// The queries of a call, as flat arrays.
+/// The queries of a call as flat arrays.
 #[derive(FromPyObject)]
 #[pyo3(from_item_all)]
 pub(crate) struct ClothArrays<'py> {
@@ -14,7 +14,7 @@ pub(crate) struct ClothArrays<'py> {
     channels: usize,
     position: Floats<'py>,
     wo: Floats<'py>,
-    /// Absent for linear sRGB.
+    /// Wavelengths; `None` selects linear sRGB.
     lambda: Option<Floats<'py>>,
     warp: Option<Floats<'py>>,
     weft: Option<Floats<'py>>,
@@ -24,7 +24,7 @@ pub(crate) struct ClothArrays<'py> {
     threads: usize,
 }
 
-/// Answers `what` of the queries.
+/// Computes the quantity `what` for the queries.
 pub(crate) fn ask(
     cloth: &ClothModel,
     py: Python<'_>,
@@ -35,7 +35,7 @@ pub(crate) fn ask(
     by_channels!(arrays.channels, N => answer::<N>(cloth, py, what, arrays, out))
 }
 
-/// A query as numbers: position, wo, wavelengths, absorptions of warp and weft, turn and footprint.
+/// A query as numbers: position, wo, wavelengths, absorptions of warp and weft, rotation and footprint.
 type Numbers<const N: usize> = ([f32; 2], [f32; 3], [f32; N], [Option<[f32; N]>; 2], [f32; 2]);
 
 fn answer<const N: usize>(
@@ -58,7 +58,7 @@ fn answer<const N: usize>(
     let turn: Rows<'_, 1> = Rows::new(&arrays.turn, n, "turn_rad")?;
     let footprint: Rows<'_, 1> = Rows::new(&arrays.footprint, n, "footprint_um")?;
     let w: Option<Rows<'_, 3>> = arrays.w.as_ref().map(|w| Rows::new(w, n, "wi")).transpose()?;
-    let asked = PreparedQueries {
+    let prepared = PreparedQueries {
         n,
         threads,
         get: |i: usize| -> Numbers<N> {
@@ -77,12 +77,12 @@ fn answer<const N: usize>(
         }),
     };
     match What::from_name(what) {
-        Some(what) => asked.answer(py, what, w, out, |(_, wo, ..)| wo.map(|v| -v)),
+        Some(what) => prepared.answer(py, what, w, out, |(_, wo, ..)| wo.map(|v| -v)),
         None if what == "is_gap" => {
             let of = |at: &ClothBsdf<'_, N>| [f32::from(u8::from(at.is_gap()))];
             let [gap] = out.floats()?;
             let gap = rows_mut(gap, n)?;
-            py.detach(|| asked.map(gap, |at, _| of(at)))?;
+            py.detach(|| prepared.map(gap, |at, _| of(at)))?;
             Ok(())
         }
         None => Err(Failure::input("cloth", "question", what, "there is no such")),

@@ -1,8 +1,8 @@
-//! Comparisons of waves with rays, as jobs for whoever schedules shards.
+//! Jobs that compare waves with rays, for external schedulers of their shards.
 
 use crate::errors::{Failure, Outcome};
 use crate::work::SpecArgs;
-use plywave_sim::wave::{CompareJob, CompareOptions};
+use plywave_wave::{CompareJob, CompareOptions};
 use pyo3::prelude::*;
 
 /// Sizes of a comparison; angles in radians.
@@ -19,12 +19,12 @@ pub(crate) struct CompareArgs {
     paths: u64,
 }
 
-/// The job of a comparison; ranges are those of `plywave compare`.
+/// The job of a comparison; the ranges of its options are those of `plywave compare`.
 pub(crate) fn compare_job(spec: &SpecArgs, args: CompareArgs) -> Outcome<CompareJob<'static>> {
     let (yarn, text) = spec.yarn()?;
-    let within = |key: &str, values: &[f64], most: usize, (low, high): (f64, f64)| -> Outcome {
-        if values.is_empty() || values.len() > most {
-            return Err(Failure::input("options", key, values.len(), &format!("give 1 to {most} numbers")));
+    let within = |key: &str, values: &[f64], max: usize, (low, high): (f64, f64)| -> Outcome {
+        if values.is_empty() || values.len() > max {
+            return Err(Failure::input("options", key, values.len(), &format!("give 1 to {max} numbers")));
         }
         match values.iter().find(|v| !(low..=high).contains(*v)) {
             None => Ok(()),

@@ -1,8 +1,7 @@
-//! Errors as exceptions: one line each, the words of the command line.
+//! Conversion of errors to exceptions, one line each, with the wording of the command line.
 
 use plywave_pipeline::Error as PipelineError;
-use plywave_sim::SimError;
-use plywave_sim::wave::WaveError;
+use plywave_runs::RunError;
 use pyo3::PyErr;
 use pyo3::exceptions::{PyKeyboardInterrupt, PyValueError};
 use std::io::ErrorKind;
@@ -14,42 +13,34 @@ pyo3::create_exception!(
     "What plywave refuses: bad arrays, specs, files and options. The message is one line that names file, key, value and a hint, as the program prints it."
 );
 
-/// What went wrong, before it is an exception.
+/// Failure of a call, before it becomes an exception.
 #[derive(Debug)]
 pub(crate) enum Failure {
-    /// Bad input: `plywave.Error`.
+    /// Invalid input: becomes `plywave.Error`.
     Input(String),
-    /// The user stopped the work: `KeyboardInterrupt`.
+    /// The user stopped the work: becomes `KeyboardInterrupt`.
     Interrupted(String),
-    /// An exception that Python code raised, passed on as it is.
+    /// An exception that Python code raised, passed on unchanged.
     Python(PyErr),
 }
 
-/// Result of what may fail.
+/// Result of a call that may fail.
 pub(crate) type Outcome<T = ()> = Result<T, Failure>;
 
 impl Failure {
-    /// `file: key = value: hint`.
+    /// Invalid input, as the line `file: key = value: hint`.
     pub(crate) fn input(file: &str, key: &str, value: impl std::fmt::Display, hint: &str) -> Failure {
         Failure::Input(format!("{file}: {key} = {value}: {hint}"))
     }
 
-    /// Of the simulator; `file` is the spec or scene.
-    pub(crate) fn of_run(error: SimError, file: &str) -> Failure {
-        match error {
-            SimError::Interrupted { left, total } => interrupted(left, total),
-            SimError::Runtime(error) => error.into(),
-            SimError::PartsInUse { .. }
-            | SimError::PartsFound { .. }
-            | SimError::PartsOfAnotherRun { .. }
-            | SimError::Merge { .. } => Failure::Input(error.to_string()),
+    /// Failure of a simulation or its run; `file` is the spec or scene.
+    pub(crate) fn of_run(error: impl Into<RunError>, file: &str) -> Failure {
+        match error.into() {
+            RunError::Interrupted { left, total } => interrupted(left, total),
+            RunError::Runtime(error) => error.into(),
+            error if error.is_of_parts() => Failure::Input(error.to_string()),
             other => Failure::Input(format!("{file}: {other}")),
         }
-    }
-
-    /// Of the wave code; `file` is the spec or scene.
-    pub(crate) fn of_wave(error: WaveError, file: &str) -> Failure {
-        Failure::of_run(error.into(), file)
     }
 }
 
@@ -80,7 +71,7 @@ impl From<PipelineError> for Failure {
 impl From<plywave::Error> for Failure {
     fn from(error: plywave::Error) -> Failure {
         match error {
-            // With a message of its own, which tells what there is.
+            // The message of the system names the file and the reason.
             plywave::Error::Io { file, source }
                 if source.kind() == ErrorKind::NotFound && source.get_ref().is_some() =>
             {
@@ -95,7 +86,7 @@ impl From<plywave::Error> for Failure {
     }
 }
 
-/// Characters of a message.
+/// Largest number of characters of a message.
 const MAX: usize = 1999;
 
 impl From<Failure> for PyErr {
@@ -108,7 +99,7 @@ impl From<Failure> for PyErr {
     }
 }
 
-/// What to do about a file that could not be read or written.
+/// Hint for a file that cannot be read or written.
 fn hint_of(error: &std::io::Error) -> &'static str {
     match error.kind() {
         ErrorKind::StorageFull | ErrorKind::QuotaExceeded => "make room there, or choose another place",

@@ -1,14 +1,15 @@
-//! Cloths for other programs.
+//! Export of cloths to other programs.
 
 use crate::errors::{Failure, Outcome};
 use crate::watch::watched;
 use crate::work::RunArgs;
+use plywave::Document;
 use plywave::cloth::ClothData;
 use plywave_pipeline::exports::{BeyondVisible, ExportOptions, Format, View, export};
 use pyo3::prelude::*;
 use std::path::PathBuf;
 
-/// How a cloth is exported.
+/// Options of an export.
 #[derive(FromPyObject)]
 #[pyo3(from_item_all)]
 pub(crate) struct ExportArgs {
@@ -25,10 +26,10 @@ pub(crate) struct ExportArgs {
     force: bool,
 }
 
-/// Files, notes, and numbers by name.
+/// Written files, notes, and named numbers.
 pub(crate) type Written = (Vec<PathBuf>, Vec<String>, Vec<(String, f64)>);
 
-/// Writes the cloth of these bytes in a format; `name` stands for it in messages.
+/// Exports the cloth in these bytes of a file; `name` identifies it in messages.
 pub(crate) fn written(
     py: Python<'_>,
     bytes: &[u8],

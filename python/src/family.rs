@@ -1,16 +1,17 @@
-//! Families of plies.
+//! Families of plies: loading, evaluation and building.
 
 use crate::errors::{Failure, Outcome};
 use crate::model::Model;
 use crate::shards::{PlanRow, row};
 use crate::watch::watched;
 use crate::work::{RecipeArgs, RunArgs, SpecArgs, recipe};
+use plywave::Document;
 use plywave::ply::{FamilyParams, PlyFamily};
 use plywave_pipeline::{FamilyFolder, FamilyOptions, Recipe, Speckle, build_family as build, family_jobs};
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
 
-/// A family, loaded.
+/// A loaded family.
 #[pyclass(frozen, module = "plywave._plywave", name = "Family")]
 pub(crate) struct Family {
     family: PlyFamily,
@@ -18,7 +19,7 @@ pub(crate) struct Family {
 
 #[pymethods]
 impl Family {
-    /// Of a file's bytes; `name` stands for it in messages.
+    /// Loads the bytes of a file; `name` identifies it in messages.
     #[staticmethod]
     fn from_bytes(py: Python<'_>, bytes: &[u8], name: &str) -> Outcome<Family> {
         Ok(Family { family: py.detach(|| PlyFamily::from_bytes(bytes, name))? })
@@ -30,22 +31,22 @@ impl Family {
         self.family.data().axes.iter().map(|axis| (axis.param.name(), axis.values.clone())).collect()
     }
 
-    /// Pitch, roughness and index of the spec's own yarn.
+    /// Pitch, roughness and index of the yarn in the family's spec.
     #[getter]
     fn params(&self) -> [f64; 3] {
         let p = self.family.params();
         [p.fiber_pitch_um, p.alpha_fiber, p.eta]
     }
 
-    /// The model of a yarn.
+    /// The model of a yarn with these parameters.
     fn at(&self, py: Python<'_>, params: [f64; 3]) -> Outcome<Model> {
         let [fiber_pitch_um, alpha_fiber, eta] = params;
         Ok(Model::from_model(py.detach(|| self.family.at(&FamilyParams { fiber_pitch_um, alpha_fiber, eta }))?))
     }
 }
 
-/// Recipe and options of a family with `nodes` nodes along each axis, up to `most_nodes` where interpolation
-/// is worst.
+/// Recipe and options of a family with `nodes` nodes along each axis, and up to `most_nodes` where
+/// interpolation has the largest error.
 fn of(spec: &SpecArgs, args: RecipeArgs, nodes: usize, most_nodes: usize) -> Outcome<(Recipe, FamilyOptions)> {
     if !(2..=64).contains(&nodes) || !(nodes..=64).contains(&most_nodes) {
         let hint = "use 2 to 64 nodes along an axis, the most no fewer than the first";
@@ -56,7 +57,7 @@ fn of(spec: &SpecArgs, args: RecipeArgs, nodes: usize, most_nodes: usize) -> Out
     Ok((recipe, FamilyOptions { first_nodes: nodes, most_nodes, ..FamilyOptions::default() }))
 }
 
-/// The bytes of the family of a spec with ranges.
+/// Builds the family of a spec with ranges; returns the bytes of its file.
 #[pyfunction]
 pub(crate) fn build_family<'py>(
     py: Python<'py>,
@@ -79,7 +80,7 @@ pub(crate) fn build_family<'py>(
     Ok(PyBytes::new(py, &bytes))
 }
 
-/// The jobs of a family with a fixed number of nodes along each axis, and the spec's text.
+/// The jobs of a family with a fixed number of nodes along each axis, and the text of its spec.
 #[pyfunction]
 pub(crate) fn plan_family(
     py: Python<'_>,

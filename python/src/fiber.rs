@@ -1,19 +1,20 @@
-//! Fibers.
+//! Fibers: loading, and batches of queries.
 
 use crate::batch::{Floats, Out, PreparedQueries, Rows, Same, What, by_channels, rows_mut};
 use crate::errors::{Failure, Outcome};
-use plywave::fiber::{FilamentSpec, TabulatedFiber};
-use plywave::{FiberBsdf, FiberModel, FiberQuery};
+use plywave::Document;
+use plywave_fiber::{FiberBsdf, FiberModel, FiberQuery};
+use plywave_fiber::{FilamentSpec, TabulatedFiber};
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
 use std::path::PathBuf;
 use std::sync::Arc;
 
-/// A fiber model, loaded.
+/// A loaded fiber model.
 #[pyclass(frozen, module = "plywave._plywave", name = "Fiber")]
 pub(crate) struct Fiber {
     pub(crate) fiber: Arc<FiberModel>,
-    /// Wavelengths [um] and absorption [1/um] of the spec of an analytic fiber.
+    /// Wavelengths [um] and absorptions [1/um] from the spec of an analytic fiber.
     color: Option<([f32; 3], [f32; 3])>,
 }
 
@@ -29,7 +30,7 @@ impl From<TabulatedFiber> for Fiber {
     }
 }
 
-/// The queries of a call, as flat arrays.
+/// The queries of a call as flat arrays.
 #[derive(FromPyObject)]
 #[pyo3(from_item_all)]
 pub(crate) struct FiberArrays<'py> {
@@ -45,7 +46,7 @@ pub(crate) struct FiberArrays<'py> {
 
 #[pymethods]
 impl Fiber {
-    /// From a file's bytes; `name` stands for it in messages, and ends in `.toml` for a spec.
+    /// Loads the bytes of a file; `name` identifies it in messages and ends in `.toml` for a spec.
     #[staticmethod]
     fn from_bytes(py: Python<'_>, bytes: &[u8], name: &str) -> Outcome<Fiber> {
         match FilamentSpec::from_bytes(bytes, name)? {
@@ -54,7 +55,7 @@ impl Fiber {
         }
     }
 
-    /// From a table (.pwf) or the spec of an analytic fiber (.toml).
+    /// Loads a table (.pwf) or the spec of an analytic fiber (.toml).
     #[staticmethod]
     fn load(py: Python<'_>, path: PathBuf) -> Outcome<Fiber> {
         if path.extension().is_some_and(|e| e == "toml") {
@@ -63,34 +64,34 @@ impl Fiber {
         Ok(py.detach(|| TabulatedFiber::load(path))?.into())
     }
 
-    /// Wavelengths [um] and absorption [1/um] of the spec of an analytic fiber; none of a table.
+    /// Wavelengths [um] and absorptions [1/um] from the spec of an analytic fiber; `None` for a table.
     #[getter]
     fn color(&self) -> Option<([f32; 3], [f32; 3])> {
         self.color
     }
 
-    /// The bytes of its file.
+    /// The bytes of the fiber's file.
     fn to_bytes<'py>(&self, py: Python<'py>) -> Outcome<Bound<'py, PyBytes>> {
         Ok(PyBytes::new(py, &py.detach(|| self.tabulated()?.table().to_bytes().map_err(Failure::from))?))
     }
 
-    /// Writes its file, whole or not at all.
+    /// Writes the fiber's file atomically.
     fn save(&self, py: Python<'_>, path: PathBuf) -> Outcome {
         py.detach(|| self.tabulated()?.table().save(path).map_err(Failure::from))
     }
 
-    /// Largest width from which it takes light [um].
+    /// Largest width over which the fiber intercepts light [um].
     #[getter]
     fn max_width_um(&self) -> f32 {
         self.fiber.max_width_um()
     }
 
-    /// The same with another longitudinal width [rad].
+    /// The same fiber with another longitudinal width [rad].
     fn with_beta_m(&self, beta_m_rad: f32) -> Outcome<Fiber> {
         Ok(self.tabulated()?.clone().with_beta_m(beta_m_rad).into())
     }
 
-    /// Answers `what` of the queries.
+    /// Computes the quantity `what` for the queries.
     fn ask<'py>(&self, py: Python<'py>, what: &str, arrays: FiberArrays<'py>, mut out: Out<'py>) -> Outcome {
         by_channels!(arrays.channels, N => self.answer::<N>(py, what, &arrays, &mut out))
     }
@@ -118,7 +119,7 @@ impl Fiber {
         let h_rel: Option<Rows<'_, 1>> = arrays.h_rel.as_ref().map(|h| Rows::new(h, n, "h_rel")).transpose()?;
         let w: Option<Rows<'_, 3>> = arrays.w.as_ref().map(|w| Rows::new(w, n, "omega_o")).transpose()?;
         let fiber = &*self.fiber;
-        let asked = PreparedQueries {
+        let prepared = PreparedQueries {
             n,
             threads,
             get: |i| FiberQuery {
@@ -130,11 +131,11 @@ impl Fiber {
             at: Same(|query: &FiberQuery<N>| fiber.at(query)),
         };
         match What::from_name(what) {
-            Some(what) => asked.answer(py, what, w, out, |query| query.omega_i.map(|v| -v)),
+            Some(what) => prepared.answer(py, what, w, out, |query| query.omega_i.map(|v| -v)),
             None if what == "width_um" => {
                 let [width] = out.floats()?;
                 let width = rows_mut(width, n)?;
-                py.detach(|| asked.map(width, |bsdf: &FiberBsdf<'_, N>, _| bsdf.width_um()))?;
+                py.detach(|| prepared.map(width, |bsdf: &FiberBsdf<'_, N>, _| bsdf.width_um()))?;
                 Ok(())
             }
             None => Err(Failure::input("fiber", "question", what, "there is no such")),

@@ -1,13 +1,14 @@
-//! Files that are arrays to Python: read, checked, written.
+//! Files that Python handles as arrays: reading, checking, writing.
 
 use crate::errors::{Failure, Outcome};
+use plywave::Document;
 use plywave::cloth::ClothData;
-use plywave::fiber::FiberTable;
 use plywave::io::{self, FileKind};
 use plywave::ply::{FamilyData, PlyData};
-use plywave::speckle::SpecklePatterns;
-use plywave::table::Table;
-use plywave::twin::ClothTwin;
+use plywave_fiber::FiberTable;
+use plywave_tables::speckle::SpecklePatterns;
+use plywave_tables::table::Table;
+use plywave_tables::twin::ClothTwin;
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
 use std::path::PathBuf;
@@ -40,7 +41,7 @@ fn check(kind: FileKind, bytes: &[u8], name: &str) -> Outcome {
     Ok(())
 }
 
-/// Bytes of a file of this kind, checked.
+/// Reads and checks a file of this kind; returns its bytes.
 #[pyfunction]
 pub(crate) fn read_checked<'py>(py: Python<'py>, kind: &str, path: PathBuf) -> Outcome<Bound<'py, PyBytes>> {
     let kind = kind_of(kind)?;
@@ -52,15 +53,15 @@ pub(crate) fn read_checked<'py>(py: Python<'py>, kind: &str, path: PathBuf) -> O
     Ok(PyBytes::new(py, &bytes))
 }
 
-/// Refuses bytes that are no file of this kind.
+/// Refuses bytes that are not a file of this kind.
 #[pyfunction]
 pub(crate) fn check_bytes(py: Python<'_>, kind: &str, bytes: &[u8], name: &str) -> Outcome {
     let kind = kind_of(kind)?;
     py.detach(|| check(kind, bytes, name))
 }
 
-/// The bytes of a file as this program writes it, of bytes that may have been made elsewhere: checked, its
-/// statistics and reference values made anew.
+/// Rewrites the bytes of a file, which another program may have made, as this program writes them: checked,
+/// with recomputed statistics and reference values.
 #[pyfunction]
 pub(crate) fn rewritten<'py>(py: Python<'py>, kind: &str, bytes: &[u8], name: &str) -> Outcome<Bound<'py, PyBytes>> {
     let kind = kind_of(kind)?;
@@ -76,20 +77,20 @@ pub(crate) fn rewritten<'py>(py: Python<'py>, kind: &str, bytes: &[u8], name: &s
     Ok(PyBytes::new(py, &bytes?))
 }
 
-/// What a file holds, by its header.
+/// Kind of a file, according to its header.
 #[pyfunction]
 pub(crate) fn file_kind(path: PathBuf) -> Outcome<&'static str> {
     let kind = io::file_kind(path)?;
     Ok(KINDS.into_iter().find(|(_, known)| *known == kind).map_or("", |(name, _)| name))
 }
 
-/// Writes a file, whole or not at all.
+/// Writes a file atomically.
 #[pyfunction]
 pub(crate) fn write_file(py: Python<'_>, path: PathBuf, bytes: &[u8]) -> Outcome {
     Ok(py.detach(|| io::write_file(path, bytes))?)
 }
 
-/// A document as TOML text.
+/// Converts a JSON document to TOML.
 #[pyfunction]
 pub(crate) fn toml_of_json(json: &str, name: &str) -> Outcome<String> {
     let value: serde_json::Value = serde_json::from_str(json)
@@ -98,7 +99,7 @@ pub(crate) fn toml_of_json(json: &str, name: &str) -> Outcome<String> {
         .map_err(|e| Failure::Input(format!("{name}: {e}; give a dict of numbers, texts, lists and dicts")))
 }
 
-/// A TOML text as a JSON document.
+/// Converts a TOML text to a JSON document.
 #[pyfunction]
 pub(crate) fn json_of_toml(text: &str, name: &str) -> Outcome<String> {
     let table: toml::Table = text.parse().map_err(|e: toml::de::Error| {

@@ -1,5 +1,5 @@
-//! Extension module of the Python package `plywave`. What users see is in `plywave/`: its functions check
-//! shapes and types and hand flat arrays to the classes here.
+//! Extension module of the Python package `plywave`. The public API is in `plywave/`: its functions check
+//! shapes and types and pass flat arrays to the classes here.
 
 mod batch;
 mod check;

@@ -1,28 +1,29 @@
-//! Ply models.
+//! Ply models: loading, and batches of queries.
 
 use crate::batch::{
     Arrays, At, CHUNK, Floats, Out, PreparedQueries, Rows, Same, ScatterCall, What, by_channels, parallel, rows_mut,
 };
 use crate::errors::{Failure, Outcome};
 use numpy::{IntoPyArray, PyReadonlyArray1};
+use plywave::Document;
 use plywave::gap::Slit;
 use plywave::ply::{Layer, PlyData, PlyPlace, Queries};
 use plywave::spec::YarnSpec;
-use plywave::table::Table;
 use plywave::{PlyBsdf, PlyModel, PlyQuery};
 use plywave_pipeline::model_library;
+use plywave_tables::table::Table;
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
 use std::path::PathBuf;
 use std::sync::Arc;
 
-/// A ply model, loaded.
+/// A loaded ply model.
 #[pyclass(frozen, module = "plywave._plywave", name = "Model")]
 pub(crate) struct Model {
     pub(crate) model: Arc<PlyModel>,
 }
 
-/// The queries of a call, as flat arrays.
+/// The queries of a call as flat arrays.
 #[derive(FromPyObject)]
 #[pyo3(from_item_all)]
 pub(crate) struct PlyArrays<'py> {
@@ -33,25 +34,26 @@ pub(crate) struct PlyArrays<'py> {
     sigma: Floats<'py>,
     lambda: Floats<'py>,
     w: Option<Floats<'py>>,
-    /// Places: numbers of plies, azimuths, ways along them and footprints; absent for the smooth model.
+    /// Positions on plies: ply numbers, azimuths, positions along the plies and footprints; `None` selects
+    /// the smooth model.
     place: Option<(PyReadonlyArray1<'py, u64>, Floats<'py>, Floats<'py>, Floats<'py>)>,
-    /// With places: relief and speckle.
+    /// Whether relief and speckle are shown, for queries with positions.
     shown: (bool, bool),
-    /// A layer of yarn below: r, t, r* and t*.
+    /// A layer of yarn below the ply: r, t, r* and t*.
     below: Option<[Floats<'py>; 4]>,
-    /// Width [um] and share of slits between the fibers.
+    /// Width [um] and fraction of slits between the fibers.
     slit: Option<(f32, f32)>,
     edge: bool,
     threads: usize,
 }
 
-/// A query as numbers: theta_i, h, absorptions, wavelengths, place, and the row of the layer below.
+/// A query as numbers: theta_i, h, absorptions, wavelengths, position, and the row of the layer below.
 type Numbers<const N: usize> = (f32, f32, [f32; N], [f32; N], Option<PlyPlace>, Option<usize>);
 
-/// A smooth ply alone: theta_i, h, absorptions, wavelengths.
+/// A query of a smooth ply without layers: theta_i, h, absorptions, wavelengths.
 type PlainNumbers<const N: usize> = (f32, f32, [f32; N], [f32; N]);
 
-/// Makes what is there at the query of a smooth ply alone.
+/// Constructor for queries of a smooth ply without layers.
 struct PlainAt<'a> {
     model: &'a PlyModel,
     edge: bool,
@@ -67,8 +69,8 @@ impl<'a> PlainAt<'a> {
 impl<'a, const N: usize> At<PlainNumbers<N>> for PlainAt<'a> {
     type Bsdf = PlyBsdf<'a, N>;
 
-    // What is prepared of a query takes 2.2 KB: compiled into the loop over queries, and without what else a
-    // query may have, most of it never exists.
+    // A prepared query takes 2.2 KB. Inlined into the loop over queries, and without the optional parts of a
+    // query, most of it is optimized away.
     #[inline(always)]
     fn one(&self, query: &PlainNumbers<N>) -> PlyBsdf<'a, N> {
         self.at(query, false)
@@ -79,7 +81,7 @@ impl<'a, const N: usize> At<PlainNumbers<N>> for PlainAt<'a> {
     }
 }
 
-/// Makes what is there at a query.
+/// Constructor for queries with all options.
 struct PlyAt<'a, const N: usize> {
     model: &'a PlyModel,
     edge: bool,
@@ -118,24 +120,24 @@ impl<'a, const N: usize> At<Numbers<N>> for PlyAt<'a, N> {
 
 #[pymethods]
 impl Model {
-    /// Of a file's bytes; `name` stands for it in messages.
+    /// Loads the bytes of a file; `name` identifies it in messages.
     #[staticmethod]
     fn from_bytes(py: Python<'_>, bytes: &[u8], name: &str) -> Outcome<Model> {
         Ok(Model::from_model(py.detach(|| PlyModel::from_bytes(bytes, name))?))
     }
 
-    /// Of a file, or by the name of a model of the library.
+    /// Loads a file, or a model of the library by its name.
     #[staticmethod]
     fn load(py: Python<'_>, path: PathBuf) -> Outcome<Model> {
         Ok(Model::from_model(py.detach(|| model_library().load(path))?))
     }
 
-    /// The bytes of its file.
+    /// The bytes of the model's file.
     fn to_bytes<'py>(&self, py: Python<'py>) -> Outcome<Bound<'py, PyBytes>> {
         Ok(PyBytes::new(py, &py.detach(|| self.data().to_bytes())?))
     }
 
-    /// Writes its file, whole or not at all.
+    /// Writes the model's file atomically.
     fn save(&self, py: Python<'_>, path: PathBuf) -> Outcome {
         Ok(py.detach(|| self.data().save(path))?)
     }
@@ -188,13 +190,13 @@ impl Model {
         Ok([errors.refl, errors.high].map(|values| values.into_pyarray(py).into_any()).into())
     }
 
-    /// For the tests of cost: seconds that the Rust library takes for the queries, the best of `repeats`, its
-    /// own arrays made before.
+    /// Time [s] that the Rust library takes for the queries, the best of `repeats`, with its own arrays
+    /// allocated in advance; for performance tests.
     fn bench(&self, py: Python<'_>, what: &str, arrays: PlyArrays<'_>, repeats: usize) -> Outcome<f64> {
         by_channels!(arrays.channels, N => self.time::<N>(py, what, &arrays, repeats))
     }
 
-    /// Answers `what` of the queries.
+    /// Computes the quantity `what` for the queries.
     fn ask<'py>(&self, py: Python<'py>, what: &str, arrays: PlyArrays<'py>, mut out: Out<'py>) -> Outcome {
         by_channels!(arrays.channels, N => self.answer::<N>(py, what, &arrays, &mut out))
     }
@@ -232,7 +234,7 @@ impl Model {
         let wo: [Vec<f32>; 3] = std::array::from_fn(|k| w.iter().map(|w| w[k]).collect());
         let (mut f, mut pdf) = (vec![[1.0f32; N]; n], vec![1.0f32; n]);
         let model = &*self.model;
-        // As large as chunks can be: one a thread, at least.
+        // Chunks are as large as possible while every thread gets several.
         let chunk = n.div_ceil(threads * 8).max(1);
         let what =
             What::from_name(what).ok_or_else(|| Failure::input("model", "question", what, "there is no such"))?;
@@ -299,7 +301,7 @@ impl Model {
         };
         let place = |i: usize| {
             let (ply, azimuth, along_um, footprint_um) = places?;
-            // Numbers count modulo 2^32.
+            // Ply numbers count modulo 2^32.
             let ply = ply[if ply.len() == 1 { 0 } else { i }] as u32;
             let ([azimuth], [along_um], [footprint_um]) = (azimuth.get(i), along_um.get(i), footprint_um.get(i));
             Some(PlyPlace { ply, azimuth, along_um, footprint_um })
@@ -329,17 +331,17 @@ impl Model {
             return Ok(());
         }
         let onward = |theta_i: f32| [0.0, -theta_i.cos(), -theta_i.sin()];
-        // Of the usual numbers of channels alone: the others are not worth their time in the compiler.
+        // Only the usual numbers of channels are specialized, to limit compile time.
         let usual = const { matches!(N, 1 | 3 | 4) };
         if usual
             && let (true, Some(often), Some(w)) = (plain, What::from_name(what).and_then(ScatterCall::from_what), w)
         {
             let get = |i| -> PlainNumbers<N> { (theta_i.get(i)[0], h_um.get(i)[0], sigma.get(i), lambda.get(i)) };
-            let asked = PreparedQueries { n, threads, get, at: PlainAt { model, edge } };
-            return asked.answer_often(py, often, w, out, |(theta_i, ..)| onward(*theta_i));
+            let prepared = PreparedQueries { n, threads, get, at: PlainAt { model, edge } };
+            return prepared.answer_often(py, often, w, out, |(theta_i, ..)| onward(*theta_i));
         }
         let row = |i: usize| below.is_some().then_some(if one_below { 0 } else { i });
-        let asked = PreparedQueries {
+        let prepared = PreparedQueries {
             n,
             threads,
             get: |i| -> Numbers<N> {
@@ -350,7 +352,7 @@ impl Model {
         match (what, w) {
             ("layer", _) => {
                 self.require_layers()?;
-                let asked = PreparedQueries {
+                let prepared = PreparedQueries {
                     n,
                     threads,
                     get: |i| (theta_i.get(i)[0], sigma.get(i)),
@@ -358,7 +360,7 @@ impl Model {
                 };
                 let parts = parts_of(out, n)?;
                 py.detach(|| {
-                    asked.map_parts(parts, |layer, _| {
+                    prepared.map_parts(parts, |layer, _| {
                         let of =
                             |l: &Layer<N>| [l.reflected, l.transmitted, l.reflected_diffuse, l.transmitted_diffuse];
                         layer.as_ref().map_or([[0.0; N]; 4], of)
@@ -369,13 +371,13 @@ impl Model {
             ("r_d", _) => {
                 let [r_d] = out.floats()?;
                 let r_d = rows_mut(r_d, n)?;
-                py.detach(|| asked.map(r_d, |bsdf: &PlyBsdf<'_, N>, _| [bsdf.r_d()]))?;
+                py.detach(|| prepared.map(r_d, |bsdf: &PlyBsdf<'_, N>, _| [bsdf.r_d()]))?;
                 Ok(())
             }
             ("terms", Some(w)) => {
                 let parts = parts_of(out, n)?;
                 py.detach(|| {
-                    asked.map_parts(parts, |bsdf: &PlyBsdf<'_, N>, i| {
+                    prepared.map_parts(parts, |bsdf: &PlyBsdf<'_, N>, i| {
                         let terms = bsdf.terms(w.get(i));
                         [[terms.refl; N], terms.high, terms.edge, terms.slit]
                     })
@@ -385,19 +387,19 @@ impl Model {
             _ => {
                 let what = What::from_name(what)
                     .ok_or_else(|| Failure::input("model", "question", what, "there is no such"))?;
-                asked.answer(py, what, w, out, |(theta_i, ..)| onward(*theta_i))
+                prepared.answer(py, what, w, out, |(theta_i, ..)| onward(*theta_i))
             }
         }
     }
 }
 
-/// The caller's four arrays of N numbers a query.
+/// The caller's four arrays with N numbers per query.
 fn parts_of<'a, const N: usize>(out: &'a mut Out<'_>, n: usize) -> Outcome<[&'a mut [[f32; N]]; 4]> {
     let [a, b, c, d] = out.floats()?;
     Ok([rows_mut(a, n)?, rows_mut(b, n)?, rows_mut(c, n)?, rows_mut(d, n)?])
 }
 
-/// Whether the kernel for many incidences answers.
+/// Choice between the general evaluation and the kernel for many incidences.
 #[derive(PartialEq, Eq)]
 enum Kernel {
     Lobes,
@@ -405,7 +407,7 @@ enum Kernel {
 }
 
 impl Kernel {
-    /// Lobes for queries of f alone, without edge light, each with its own incidence.
+    /// Selects the kernel for queries of f alone, without edge light, each with its own incidence.
     fn from_query<const N: usize>(what: &str, edge: bool, at: (Rows<'_, 1>, Rows<'_, 1>, Rows<'_, N>)) -> Kernel {
         match at {
             (Rows::One(_), Rows::One(_), Rows::One(_)) => Kernel::Other,
@@ -415,7 +417,7 @@ impl Kernel {
     }
 }
 
-/// f_refl + f_high by the kernel for many incidences.
+/// Evaluates f_refl + f_high with the kernel for many incidences.
 fn lobes<const N: usize>(
     model: &PlyModel,
     threads: usize,

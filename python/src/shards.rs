@@ -1,22 +1,24 @@
-//! Shards of long work for whoever schedules them: plans of what `build`, `wave.tabulate`, `wave.speckle`,
-//! twins and comparisons run, single blocks of shards as bytes, checks of such bytes.
+//! Shards of long runs for external schedulers: plans of the jobs that `build`, `wave.tabulate`,
+//! `wave.speckle`, twins and comparisons run, single blocks of shards as bytes, and checks of such bytes.
 
 use crate::compare::{CompareArgs, compare_job};
 use crate::errors::{Failure, Outcome};
 use crate::watch::{Shards, watched};
 use crate::work::{RecipeArgs, RunArgs, SpecArgs, TabulateArgs, recipe, speckle_job, tabulate_job};
+use plywave::Document;
+use plywave_pipeline::{AnyJob, Output};
 use plywave_pipeline::{ClothRecipe, Run, model_library, simulate_job, speckle_options};
-use plywave_sim::runs::{AnyJob, Job, Output, Plan, Run as JobRun, block_name as name_of};
+use plywave_runs::{Job, Plan, Run as JobRun, RunError, Shards as _, block_name as name_of};
 use plywave_sim::twin::{TwinCurves, TwinJob, TwinOptions};
-use plywave_sim::wave::SpeckleJob;
+use plywave_wave::SpeckleJob;
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
 use std::collections::VecDeque;
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// Folder of the shards, text of the description, extent, digest, shards, shards of a group, units of
-/// progress.
+/// Plan of a job: folder of the shards, text of the description, extent, digest, number of shards, shards per
+/// group, units of progress.
 pub(crate) type PlanRow = (String, String, u64, String, usize, usize, u64);
 
 pub(crate) fn row<J: Job>(folder: &str, job: &J) -> PlanRow {
@@ -29,9 +31,9 @@ pub(crate) fn row<J: Job>(folder: &str, job: &J) -> PlanRow {
 pub(crate) fn plan_build(py: Python<'_>, spec: SpecArgs, args: RecipeArgs) -> Outcome<(Vec<PlanRow>, String)> {
     py.detach(|| {
         let recipe = recipe(&spec, args)?;
-        let refuse = |e| Failure::of_run(e, &recipe.file);
+        let refuse = |e: RunError| Failure::of_run(e, &recipe.file);
         let job = simulate_job(&recipe)?;
-        job.check_savable().map_err(refuse)?;
+        job.check_savable().map_err(|e| refuse(e.into()))?;
         let mut rows = vec![row("simulate", &job)];
         if let Some(instances) = recipe.solved_speckle() {
             let options = speckle_options(&recipe, instances);
@@ -64,7 +66,7 @@ pub(crate) fn plan_speckle(
     })
 }
 
-/// The job of a cloth's twin, of its spec: standard views and absorptions, `paths` a view.
+/// The job of a cloth's twin from the cloth's spec: standard views and absorptions, `paths` per view.
 #[pyfunction]
 pub(crate) fn plan_twin(
     py: Python<'_>,
@@ -74,13 +76,15 @@ pub(crate) fn plan_twin(
 ) -> Outcome<(Vec<PlanRow>, String)> {
     py.detach(|| {
         let recipe = ClothRecipe::load(&cloth)?;
-        let refuse = |e| Failure::of_run(e, &recipe.file);
-        let plies = recipe.ply_specs(&model_library())?;
+        let refuse = |e: RunError| Failure::of_run(e, &recipe.file);
+        let plies = recipe.plies(&model_library())?.spec_texts();
         let curves = recipe.curves(&Run::plain())?.curves;
-        let cloth = TwinCurves::new(&recipe.spec.name, curves, plies).map_err(refuse)?.with_hairs(recipe.spec.hairs());
+        let cloth = TwinCurves::new(&recipe.spec.name, curves, plies)
+            .map_err(|e| refuse(e.into()))?
+            .with_hairs(recipe.spec.hairs());
         let standard = TwinOptions::default();
         let options = TwinOptions { paths: paths.unwrap_or(standard.paths), seed, ..standard };
-        let job = TwinJob::new(cloth, &options).map_err(refuse)?;
+        let job = TwinJob::new(cloth, &options).map_err(|e| refuse(e.into()))?;
         Ok((vec![row("twin", &job)], job.description().spec))
     })
 }
@@ -94,9 +98,9 @@ pub(crate) fn plan_compare(py: Python<'_>, spec: SpecArgs, args: CompareArgs) ->
     })
 }
 
-/// Jobs that shards were last run of: what they prepare takes longer than many a shard.
+/// The jobs whose shards ran last: preparing a job takes longer than many a shard.
 static LAST: Mutex<VecDeque<(String, Arc<AnyJob>)>> = Mutex::new(VecDeque::new());
-/// How many are kept.
+/// Number of jobs in that cache.
 const KEPT: usize = 2;
 
 fn job_of(description: &str, extent: u64) -> Outcome<Arc<AnyJob>> {
@@ -114,7 +118,7 @@ fn job_of(description: &str, extent: u64) -> Outcome<Arc<AnyJob>> {
     Ok(last[0].1.clone())
 }
 
-/// The bytes of the file of one shard or one group of shards.
+/// Runs one shard or one group of shards; returns the bytes of its file.
 #[pyfunction]
 pub(crate) fn run_block<'py>(
     py: Python<'py>,
@@ -133,7 +137,7 @@ pub(crate) fn run_block<'py>(
     Ok(PyBytes::new(py, &bytes))
 }
 
-/// Refuses bytes that are not the whole file of these shards.
+/// Refuses bytes that are not the complete file of these shards.
 #[pyfunction]
 pub(crate) fn check_block(
     py: Python<'_>,
@@ -150,13 +154,13 @@ pub(crate) fn check_block(
     })
 }
 
-/// Name of the file of shards in a folder that `build` and its like resume from.
+/// Name of the file of shards, in a folder from which `build` and similar commands resume.
 #[pyfunction]
 pub(crate) fn block_name(first: usize, count: usize) -> String {
     name_of(first, count)
 }
 
-/// The bytes of what a job makes of a folder's finished shards; what is missing there is run.
+/// Merges a folder's finished shards into the job's result, running missing ones; returns its bytes.
 #[pyfunction]
 pub(crate) fn run_job<'py>(
     py: Python<'py>,

@@ -1,18 +1,20 @@
-//! What `plywave.mitsuba` takes from the Rust library: all tables of a cloth as arrays, and the library's
-//! own answers, term by term, to which its tests hold it.
+//! Interface for `plywave.mitsuba`: all tables of a cloth as arrays, and single terms computed by the
+//! library, with which its tests compare.
 
 use numpy::ndarray::{Array1, Array2, ArrayD, IxDyn};
 use numpy::{IntoPyArray, PyReadonlyArray1, PyReadonlyArray2};
+use plywave::Document;
 use plywave::cloth::{ClothModel, ClothOptions, GapLight, LineHits, Slits, Values};
-use plywave::fiber::FiberTable;
 use plywave::ply::PlyPlace;
 use plywave::spec::YarnSpec;
 use plywave::speckle::NoiseField;
 use plywave::{Bsdf, ClothQuery, PlyQuery};
-use plywave_pipeline::{ClothRecipe, Error, ReadyCloth, Run, model_library};
+use plywave_fiber::FiberTable;
+use plywave_pipeline::{ClothRecipe, Error, PrecomputedCloth, Run, model_library};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict, PyList};
+use std::collections::BTreeMap;
 
 fn raise(e: impl std::fmt::Display) -> PyErr {
     PyValueError::new_err(e.to_string())
@@ -30,10 +32,10 @@ fn columns(name: &str, a: &PyReadonlyArray2<'_, f32>, n: usize, count: usize) ->
     Err(raise(format!("{name}: {shape:?}: expected an array [{n}, {count}]")))
 }
 
-/// f `[n, 3]`, the density of samples `[n]` and the energy that goes straight on `[n]`.
+/// f `[n, 3]`, the sampling density `[n]` and the energy that passes straight through `[n]`.
 type Light<'py> = (Bound<'py, PyAny>, Bound<'py, PyAny>, Bound<'py, PyAny>);
 
-/// A cloth as `plywave.mitsuba` loads it.
+/// A cloth loaded for `plywave.mitsuba`.
 #[pyclass(frozen, module = "plywave._plywave")]
 pub struct ClothTables {
     cloth: ClothModel,
@@ -43,8 +45,8 @@ pub struct ClothTables {
 
 #[pymethods]
 impl ClothTables {
-    /// Of a cloth's file, or of its spec (.toml), whose cloth is looked up in the user's cache, or made and
-    /// kept there.
+    /// Loads a cloth file, or the cloth of a spec (.toml) from the user's cache, precomputing and caching it
+    /// if necessary.
     #[new]
     #[pyo3(signature = (filename, diffracted = true, layers = true, shadowing = true, edges = true, slits = true, uneven = true, relief = true, speckle = false, far = false))]
     #[allow(clippy::fn_params_excessive_bools)]
@@ -79,15 +81,16 @@ impl ClothTables {
             if !filename.ends_with(".toml") {
                 return Ok((ClothModel::load(filename, &options)?, Vec::new()));
             }
-            let ReadyCloth { data, notes, .. } = ClothRecipe::load(filename)?.ready(&model_library(), &Run::plain())?;
+            let PrecomputedCloth { data, notes, .. } =
+                ClothRecipe::load(filename)?.precomputed(&model_library(), &Run::plain())?;
             Ok((ClothModel::from_data(data, &options)?, notes))
         };
         let (cloth, notes) = py.detach(load).map_err(raise)?;
         Ok(ClothTables { cloth, speckle, notes })
     }
 
-    /// Tables by name; `models`, the files of the ply models; `noise`, the noise of each model, none without
-    /// speckle.
+    /// Tables by name; `models` contains the files of the ply models, `noise` the noise of each model, or
+    /// `None` without speckle.
     fn tensors<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let all = PyDict::new(py);
         for tensor in self.cloth.tensors() {
@@ -115,8 +118,8 @@ impl ClothTables {
         Ok(all)
     }
 
-    /// Of `position_um` [n, 2], `wo` and `wi` [n, 3]: f [n, 3] and the density of samples [n] by the library,
-    /// at three wavelengths [um] or in linear sRGB, and the energy that goes straight on.
+    /// Evaluates the library for `position_um` [n, 2], `wo` and `wi` [n, 3]: f [n, 3] and sampling density
+    /// [n], at three wavelengths [um] or in linear sRGB, and the energy that passes straight through.
     #[pyo3(signature = (position_um, wo, wi, lambda_um = None, sigma_per_um = None, footprint_um = 0.0))]
     #[allow(clippy::too_many_arguments)]
     fn eval_pdf<'py>(
@@ -152,13 +155,13 @@ impl ClothTables {
         Ok((f.into_pyarray(py).into_any(), pdf.into_pyarray(py).into_any(), straight.into_pyarray(py).into_any()))
     }
 
-    /// Notes on a cloth that was made, one a line.
+    /// Notes on the cloth, one per line.
     fn notes(&self) -> Vec<String> {
         self.notes.clone()
     }
 
-    /// What lines from `from_um` in directions `w`, `[n, 3]` each, hit first `[n, 10]`: 1 for a ply, curve,
-    /// theta_i, h, way to the wall, parameter, tangent, number of plies.
+    /// First hits of lines from `from_um` in directions `w`, `[n, 3]` each, as `[n, 10]`: 1 for a hit, curve,
+    /// theta_i, h, distance to the ply's surface, parameter, tangent, ply number.
     fn hits<'py>(
         &self,
         py: Python<'py>,
@@ -185,18 +188,24 @@ impl ClothTables {
     }
 }
 
-/// The bytes of a ply model's file, read and checked by the library.
+/// Bytes of a ply model's file, read and checked by the library.
 #[pyfunction]
 pub fn ply_file<'py>(py: Python<'py>, filename: &str) -> PyResult<Bound<'py, PyBytes>> {
     let model = model_library().load(filename).map_err(raise)?;
     Ok(PyBytes::new(py, &model.data().to_bytes().map_err(raise)?))
 }
 
-/// The bytes of a fiber's file, read and checked by the library.
+/// Bytes of a fiber's file, read and checked by the library.
 #[pyfunction]
 pub fn fiber_file<'py>(py: Python<'py>, filename: &str) -> PyResult<Bound<'py, PyBytes>> {
     let table = FiberTable::load(filename).map_err(raise)?;
     Ok(PyBytes::new(py, &table.to_bytes().map_err(raise)?))
+}
+
+/// Numbers of formulas that are typed once, in the Rust library (`plywave::host_constants`), by name.
+#[pyfunction]
+pub fn host_constants() -> BTreeMap<&'static str, Vec<f32>> {
+    plywave::host_constants().into_iter().collect()
 }
 
 /// Radius R of a ply model [um], from the spec in its file.
@@ -255,8 +264,8 @@ pub fn speckle_factors<'py>(
     Ok((noise_tables(py, field)?, refl.into_pyarray(py).into_any(), high.into_pyarray(py).into_any()))
 }
 
-/// The terms of a ply by the library, of n queries: f_refl `[n]`, f_high and f_edge `[n, 3]`, the density of
-/// samples `[n]`.
+/// Terms of a ply by the library, for n queries: f_refl `[n]`, f_high and f_edge `[n, 3]`, the sampling
+/// density `[n]`.
 #[pyfunction]
 #[allow(clippy::type_complexity)]
 pub fn ply_terms<'py>(
@@ -295,11 +304,12 @@ pub fn ply_terms<'py>(
     Ok((refl, high, of_edge, pdf))
 }
 
-/// Adds them to the module.
+/// Adds the functions and classes of this file to the module.
 pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<ClothTables>()?;
     module.add_function(wrap_pyfunction!(ply_file, module)?)?;
     module.add_function(wrap_pyfunction!(fiber_file, module)?)?;
+    module.add_function(wrap_pyfunction!(host_constants, module)?)?;
     module.add_function(wrap_pyfunction!(ply_radius_um, module)?)?;
     module.add_function(wrap_pyfunction!(speckle_factors, module)?)?;
     module.add_function(wrap_pyfunction!(ply_terms, module)?)

@@ -1,9 +1,9 @@
-//! Long work: on a thread of its own, while the thread that called looks for Ctrl-C and tells progress to
+//! Runs long work on a thread of its own, while the calling thread checks for Ctrl-C and reports progress to
 //! Python.
 
 use crate::errors::{Failure, Outcome};
 use plywave_pipeline::{Progress, Run};
-use plywave_sim::runs::{self, Found, Job, PartsFolder, Plan};
+use plywave_runs::{self as runs, Found, Job, PartsFolder, Plan};
 use pyo3::exceptions::{PyKeyboardInterrupt, PyUserWarning};
 use pyo3::prelude::*;
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
@@ -13,16 +13,16 @@ use std::sync::mpsc::{RecvTimeoutError, channel};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
-/// Time between two looks.
+/// Time between two checks.
 const LOOK_EVERY: Duration = Duration::from_millis(50);
 
-/// What unwinds a stage that does not look at the stop flag.
+/// Panic payload that unwinds a stage without checks of the stop flag.
 struct Stopped;
 
-/// How far a stage is: its name, what it counts, done, in all.
+/// Progress of a stage: its name, its unit, units done, total.
 type State = (&'static str, &'static str, u64, u64);
 
-/// What work and its watcher share.
+/// State shared by the work and its watcher.
 pub(crate) struct Watch {
     pub(crate) stop: AtomicBool,
     state: Mutex<Option<State>>,
@@ -33,7 +33,8 @@ impl Watch {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// A stage of the pipeline is so far. Stages that do not look at the stop flag are left here.
+    /// Records the progress of a stage of the pipeline. A stage that does not check the stop flag is unwound
+    /// here.
     pub(crate) fn tell(&self, progress: Progress) {
         *self.state() = Some((progress.stage.name(), progress.stage.unit(), progress.done, progress.total));
         if self.stop.load(Ordering::Relaxed) && !progress.stage.is_stoppable() {
@@ -41,7 +42,7 @@ impl Watch {
         }
     }
 
-    /// Runs a job.
+    /// Runs a job with progress and stop flag.
     pub(crate) fn run_job<J: Job>(
         &self,
         job: &J,
@@ -59,7 +60,7 @@ impl Watch {
         runs::run(job, run).map_err(|e| Failure::of_run(e, file))
     }
 
-    /// A run of the pipeline.
+    /// Runs a function of the pipeline with progress and stop flag.
     pub(crate) fn run<T>(
         &self,
         parts: [Option<&PartsFolder>; 2],
@@ -70,8 +71,8 @@ impl Watch {
     }
 }
 
-/// Runs `work` on a pool of `threads` threads. `progress` is called with the name of a stage, what it counts,
-/// done and in all. An exception of it, and Ctrl-C, stop the work.
+/// Runs `work` on a pool of `threads` threads. `progress` is called with the name of a stage, its unit, the
+/// units done and the total. An exception in it, and Ctrl-C, stop the work.
 pub(crate) fn watched<T: Send>(
     py: Python<'_>,
     threads: usize,
@@ -88,11 +89,11 @@ pub(crate) fn watched<T: Send>(
         let watch = &watch;
         let worker = scope.spawn(move || {
             let done = catch_unwind(AssertUnwindSafe(|| pool.install(|| work(watch))));
-            // Whoever waits is gone only where this process ends.
+            // The receiver exists unless the process is ending.
             let _ = sender.send(());
             done
         });
-        let mut told: Option<State> = None;
+        let mut reported: Option<State> = None;
         loop {
             let ended = py.detach(|| {
                 let ended = ended.lock().unwrap_or_else(PoisonError::into_inner);
@@ -101,8 +102,8 @@ pub(crate) fn watched<T: Send>(
             if raised.is_none() {
                 let state = *watch.state();
                 raised = py.check_signals().err().or_else(|| match (&progress, state) {
-                    (Some(call), Some(now)) if told != state => {
-                        told = state;
+                    (Some(call), Some(now)) if reported != state => {
+                        reported = state;
                         call.call1(py, now).err()
                     }
                     _ => None,
@@ -130,14 +131,14 @@ pub(crate) fn watched<T: Send>(
     }
 }
 
-/// Folders for the finished shards of the stages `names`, within `folder`.
+/// Folders for the finished shards of the stages `names`, inside `folder`.
 pub(crate) struct Shards {
     folder: Option<PathBuf>,
     parts: Vec<Option<PartsFolder>>,
 }
 
 impl Shards {
-    /// Opens and locks them: shards of an earlier run are used, or deleted where `resume` is false.
+    /// Opens and locks the folders: shards of an earlier run are used, or deleted unless `resume` is set.
     pub(crate) fn open(folder: Option<PathBuf>, resume: bool, names: &[&str]) -> Outcome<Shards> {
         let found = if resume { Found::Resume } else { Found::Replace };
         let mut parts = Vec::new();
@@ -159,7 +160,7 @@ impl Shards {
         self.parts.get(stage)?.as_ref()
     }
 
-    /// Warns of shards that were dropped.
+    /// Warns about dropped shards.
     pub(crate) fn warn(&self, py: Python<'_>) -> Outcome {
         for note in self.parts.iter().flatten().flat_map(PartsFolder::take_notes) {
             let note = std::ffi::CString::new(note.replace('\0', " ")).unwrap_or_default();
@@ -168,10 +169,10 @@ impl Shards {
         Ok(())
     }
 
-    /// Deletes the shards, and the folders where nothing else is in them.
+    /// Deletes the shards, and the folders unless they contain other files.
     pub(crate) fn remove(self) {
         self.parts.into_iter().flatten().for_each(PartsFolder::remove);
-        // A folder with something else in it stays.
+        // A folder with other files stays.
         if let Some(folder) = self.folder {
             let _ = std::fs::remove_dir(folder);
         }

@@ -1,22 +1,24 @@
-//! From specs to tables and models, and the wave simulator.
+//! From specs to tables and models, and access to the wave simulator.
 
 use crate::errors::{Failure, Outcome};
 use crate::watch::{Shards, watched};
-use plywave::fiber::FiberSource;
+use plywave::Document;
 use plywave::io::Folder;
 use plywave::spec::YarnSpec;
-use plywave::speckle::SpecklePatterns;
-use plywave::table::Table;
+use plywave_fiber::FiberSource;
 use plywave_pipeline::{
     ClothRecipe, FitQuality, Quality, Recipe, Speckle, build as build_recipe, check_fit, fit_model, yarn_table,
 };
 use plywave_sim::SimulateJob;
-use plywave_sim::wave::{ScatterJob, Scene, SingleFiber, SpeckleJob, SpeckleOptions, TabulateJob};
+use plywave_tables::speckle::SpecklePatterns;
+use plywave_tables::table::Table;
+use plywave_textile::{load_yarn, load_yarn_file};
+use plywave_wave::{ScatterJob, Scene, SingleFiber, SpeckleJob, SpeckleOptions, TabulateJob};
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
 use std::path::PathBuf;
 
-/// A spec as it was given: the path of a file, or a text and the folder of the files it names.
+/// A spec from Python: the path of a file, or a text with the folder of the files that it names.
 #[derive(FromPyObject)]
 #[pyo3(from_item_all)]
 pub(crate) struct SpecArgs {
@@ -33,8 +35,8 @@ impl SpecArgs {
 
     pub(crate) fn yarn(&self) -> Outcome<(YarnSpec, String)> {
         Ok(match &self.path {
-            Some(path) => YarnSpec::load(path)?,
-            None => YarnSpec::load_from(&self.text, &self.name, &Folder::new(&self.folder).anywhere())?,
+            Some(path) => load_yarn_file(path)?,
+            None => load_yarn(&self.text, &self.name, &Folder::new(&self.folder).anywhere())?,
         })
     }
 
@@ -47,7 +49,7 @@ impl SpecArgs {
 
     /// The text of a scene.
     fn scene(&self) -> Outcome<(Scene, String)> {
-        let refuse = |e| Failure::of_wave(e, &self.name());
+        let refuse = |e| Failure::of_run(e, &self.name());
         match &self.path {
             Some(path) => Scene::load(path).map_err(refuse),
             None => Ok((Scene::parse(&self.text).map_err(refuse)?, self.text.clone())),
@@ -55,7 +57,7 @@ impl SpecArgs {
     }
 }
 
-/// How a run goes.
+/// Conditions of a run: threads, parts, progress.
 #[derive(FromPyObject)]
 #[pyo3(from_item_all)]
 pub(crate) struct RunArgs {
@@ -65,7 +67,7 @@ pub(crate) struct RunArgs {
     pub(crate) progress: Option<Py<PyAny>>,
 }
 
-/// What to make of a spec.
+/// Options of a recipe for a spec.
 #[derive(FromPyObject)]
 #[pyo3(from_item_all)]
 pub(crate) struct RecipeArgs {
@@ -77,14 +79,14 @@ pub(crate) struct RecipeArgs {
     speckle: SpeckleArgs,
 }
 
-/// Where speckle comes from.
+/// Source of speckle.
 #[derive(FromPyObject)]
 pub(crate) enum SpeckleArgs {
-    /// The usual number of fibers, or none.
+    /// Whether the default number of fibers is solved.
     Usual(bool),
-    /// So many fibers.
+    /// Number of fibers to solve.
     Solve(u32),
-    /// The bytes of patterns, and their name.
+    /// Bytes of a file of patterns, and its name.
     Patterns(Vec<u8>, String),
 }
 
@@ -126,7 +128,7 @@ fn bytes_of<'py>(py: Python<'py>, bytes: &[u8]) -> Bound<'py, PyBytes> {
     PyBytes::new(py, bytes)
 }
 
-/// The bytes of a model and of the table of its ply.
+/// Builds a model; returns the bytes of the model and of the table of its ply.
 #[pyfunction]
 pub(crate) fn build<'py>(
     py: Python<'py>,
@@ -147,7 +149,7 @@ pub(crate) fn build<'py>(
     Ok((bytes_of(py, &model), bytes_of(py, &table), times))
 }
 
-/// The bytes of the table of a spec's ply.
+/// Simulates the ply of a spec; returns the bytes of its table.
 #[pyfunction]
 pub(crate) fn simulate<'py>(
     py: Python<'py>,
@@ -169,7 +171,7 @@ pub(crate) fn simulate<'py>(
     Ok(bytes_of(py, &table))
 }
 
-/// The bytes of the model of a table.
+/// Fits a model to a table; returns the bytes of the model.
 #[pyfunction]
 #[pyo3(signature = (table, name, quality_name, run))]
 pub(crate) fn fit<'py>(
@@ -193,14 +195,14 @@ pub(crate) fn fit<'py>(
     Ok(bytes_of(py, &model))
 }
 
-/// The largest errors of a model's fit, of f_refl and f_high, and what they should be at most.
+/// Largest errors of a model's fit, of f_refl and f_high, and their limits.
 #[pyfunction]
 pub(crate) fn fit_quality(model: &crate::model::Model) -> [[f64; 2]; 2] {
     let of = |quality: FitQuality| [quality.refl, quality.high];
     [of(FitQuality::from_data(model.model.data())), of(FitQuality::good())]
 }
 
-/// The report of a scene as JSON.
+/// Solves a scene; returns the report as JSON.
 #[pyfunction]
 pub(crate) fn wave_scatter(py: Python<'_>, scene: SpecArgs, run: RunArgs) -> Outcome<String> {
     let name = scene.name();
@@ -211,7 +213,7 @@ pub(crate) fn wave_scatter(py: Python<'_>, scene: SpecArgs, run: RunArgs) -> Out
     })
 }
 
-/// Sizes of a fiber table, where they are not the preset's.
+/// Sizes of a fiber table that override the preset's.
 #[derive(FromPyObject)]
 #[pyo3(from_item_all)]
 pub(crate) struct TabulateArgs {
@@ -236,14 +238,14 @@ pub(crate) fn tabulate_job(spec: &SpecArgs, args: TabulateArgs) -> Outcome<Tabul
         return refuse("beta_m_rad", args.beta_m_rad, "must be from 0.001 to 2, in radians");
     }
     let mut options = quality(&args.quality)?.tabulate();
-    for (key, to, from, most) in [
+    for (key, to, from, max) in [
         ("lambdas", &mut options.lambdas, args.lambdas, 400),
         ("thetas", &mut options.thetas, args.thetas, 900),
         ("azimuths", &mut options.azimuths, args.azimuths, 3600),
     ] {
         match from {
-            Some(n) if !(1..=most).contains(&n) => {
-                return Err(Failure::input("options", key, n, &format!("must be 1 to {most}")));
+            Some(n) if !(1..=max).contains(&n) => {
+                return Err(Failure::input("options", key, n, &format!("must be 1 to {max}")));
             }
             Some(n) => *to = n,
             None => {}
@@ -267,7 +269,7 @@ pub(crate) fn tabulate_job(spec: &SpecArgs, args: TabulateArgs) -> Outcome<Tabul
     TabulateJob::new(&fiber, &text, &options, source).map_err(refuse)
 }
 
-/// The bytes of a fiber's table.
+/// Tabulates a fiber; returns the bytes of its table.
 #[pyfunction]
 pub(crate) fn wave_tabulate<'py>(
     py: Python<'py>,
@@ -298,7 +300,7 @@ pub(crate) fn speckle_job(spec: &SpecArgs, instances: u32, seed: u64) -> Outcome
     SpeckleJob::new(&yarn, &text, &options).map_err(|e| Failure::of_run(e, &name))
 }
 
-/// The bytes of speckle patterns of a spec's fiber.
+/// Solves speckle patterns of a spec's fiber; returns their bytes.
 #[pyfunction]
 pub(crate) fn wave_speckle<'py>(
     py: Python<'py>,

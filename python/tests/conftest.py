@@ -3,6 +3,7 @@
 import os
 import pathlib
 import shutil
+import subprocess
 
 import pytest
 
@@ -98,3 +99,28 @@ def threads():
     """No test leaves another number of threads behind."""
     yield
     plywave.set_threads(None)
+
+
+def pytest_addoption(parser):
+    parser.addoption("--minutes", type=float, help="of the tests marked slow(SECONDS), run as many as fit, in a rotation by the number of commits; without it, all")
+
+
+def pytest_configure(config):
+    config.addinivalue_line("markers", "slow(seconds): takes that long on two cores; see --minutes")
+
+
+def pytest_collection_modifyitems(config, items):
+    minutes = config.getoption("--minutes")
+    slow = [(item, item.get_closest_marker("slow").args[0]) for item in items if item.get_closest_marker("slow")]
+    if minutes is None or not slow:
+        return
+    commits = subprocess.run(["git", "rev-list", "--count", "HEAD"], cwd=ROOT, check=True, capture_output=True, text=True).stdout
+    turn = int(commits) % len(slow)
+    left, taken = 60.0 * minutes, set()
+    for item, seconds in slow[turn:] + slow[:turn]:
+        if seconds <= left:
+            left -= seconds
+            taken.add(item)
+    leave = [item for item, _ in slow if item not in taken]
+    config.hook.pytest_deselected(items=leave)
+    items[:] = [item for item in items if item not in leave]

@@ -13,12 +13,14 @@ from conftest import CLOTHS, FABRICS
 import plywave
 
 JERSEY = CLOTHS / "jersey.toml"
-YARN = {"model": "plies/polyester_bundle.pwm", "count": {"dtex": 11.904}, "density_g_per_cm3": 1.38, "packing": 0.65}
+#: What is said of its plies, whose model the spec does not name.
+FOUND = ["yarn: the model cotton_single of the library"]
+YARN = {"model": "polyester_bundle", "fiber": "polyester", "count": "11.904 dtex", "packing": 0.65}
 VOILE = {
     "name": "voile",
-    "weave": {"kind": "plain"},
-    "warp": {**YARN, "ends_per_cm": 150, "srgb": [0.7, 0.1, 0.1]},
-    "weft": {**YARN, "picks_per_cm": 150, "sigma_per_um": 0.002},
+    "weave": {"kind": "plain", "ends_per_cm": 150, "picks_per_cm": 150},
+    "warp": {**YARN, "color": [0.7, 0.1, 0.1]},
+    "weft": {"as": "warp", "sigma_per_um": 0.002},
 }
 
 
@@ -76,9 +78,9 @@ def test_cloths_of_specs_are_made_once_and_kept(jersey, cache):
     assert [path.suffix for path in kept] == [".pwc"]
     assert any("was made and is kept in" in note and str(kept[0]) in note for note in jersey.notes), jersey.notes
     again = plywave.Cloth(JERSEY)
-    assert again.notes == [] and again.to_bytes() == jersey.to_bytes() == kept[0].read_bytes()
+    assert again.notes == FOUND and again.to_bytes() == jersey.to_bytes() == kept[0].read_bytes()
     text = plywave.Cloth(JERSEY.read_text(), folder=JERSEY.parent)
-    assert text.notes == [] and text.to_bytes() == again.to_bytes()
+    assert text.notes == FOUND and text.to_bytes() == again.to_bytes()
     assert isinstance(plywave.load(JERSEY), plywave.Cloth) and list(cache.iterdir()) == kept
 
 
@@ -87,12 +89,13 @@ def test_weaving_gives_the_same_file(jersey, woven):
     assert made.to_bytes() == jersey.to_bytes() and made.notes == []
 
 
+@pytest.mark.slow(7)
 def test_a_damaged_cloth_is_made_again(jersey, cache, tmp_path, monkeypatch):
     (kept,) = cache.iterdir()
     damaged = tmp_path / kept.name
     damaged.write_bytes(kept.read_bytes()[:-1])
     monkeypatch.setenv("PLYWAVE_CACHE", str(tmp_path))
-    assert "was made" in plywave.Cloth(JERSEY).notes[0] and damaged.read_bytes() == jersey.to_bytes()
+    assert "was made" in plywave.Cloth(JERSEY).notes[-1] and damaged.read_bytes() == jersey.to_bytes()
 
 
 def test_files_give_the_cloth(jersey, pwc):
@@ -119,7 +122,7 @@ def test_what_there_is_to_know(jersey, voile):
     with pytest.raises(plywave.Error, match="use \"yarn\""):
         jersey.model_of("weft")
     noisy = plywave.Cloth.from_bytes(jersey.to_bytes(), noise=True)
-    assert noisy.model_of().has_noise or "stays smooth" in noisy.notes[0]
+    assert noisy.model_of().has_noise or any("stays smooth" in note for note in noisy.notes)
 
 
 def test_queries_broadcast_and_do_not_depend_on_threads(jersey):
@@ -238,7 +241,7 @@ def test_colors(jersey, voile):
 def test_bad_files_and_specs_are_refused_in_one_line(pwc, tmp_path):
     data = pwc.read_bytes()
     newer = bytearray(data)
-    newer[data.index(b'version\\":1') + 10] = ord("9")
+    newer[data.index(b'version\\":3') + 10] = ord("9")
     (tmp_path / "no.toml").write_text("name = 1 = 2")
     (tmp_path / "cut.pwc").write_bytes(data[: len(data) // 2])
     yarn = JERSEY.read_text()
@@ -257,9 +260,10 @@ def test_bad_files_and_specs_are_refused_in_one_line(pwc, tmp_path):
         (lambda: plywave.Cloth.from_bytes(data, slits=3), "slits: int: give a Slit"),
         (lambda: plywave.Cloth.from_bytes(data, slits=plywave.Slit(9.0)), "width_um"),
         (lambda: plywave.Cloth(tmp_path / "no.toml"), "no.toml"),
-        (lambda: plywave.Cloth(yarn, folder=tmp_path), "cotton_single"),
+        (lambda: plywave.Cloth(yarn.replace("[yarn]", '[yarn]\nmodel = "plies/ply.pwm"'), folder=tmp_path), "plies/ply.pwm"),
         (lambda: plywave.Cloth({**VOILE, "warp": {**YARN, "model": 3}}), "cloth spec"),
-        (lambda: plywave.weave({**VOILE, "warp": {k: v for k, v in VOILE["warp"].items() if k != "model"}}), "warp.model"),
+        (lambda: plywave.weave({**VOILE, "warp": {**YARN, "model": "ply.toml"}}), "warp.model"),
+        (lambda: plywave.weave({**VOILE, "warp": {**YARN, "density_g_per_cm3": 1.38}}), "warp.density_g_per_cm3.*write the fiber"),
         (lambda: plywave.Cloth({"name": object()}), "cloth spec"),
         (lambda: plywave.Cloth({"name": float("nan")}), "cloth spec"),
         (lambda: plywave.weave(3), "give a path"),
@@ -290,6 +294,5 @@ def test_the_program_finds_what_the_package_kept(program, jersey, pwc, cache, tm
     assert np.isclose(said["half_thickness_um"], jersey.half_thickness_um) and said["far"] == jersey.has_far
     assert said["memory_bytes"] == jersey.memory_bytes
     # Of a spec elsewhere, with the same contents.
-    shutil.copytree(CLOTHS / "plies", tmp_path / "plies")
     shutil.copy(JERSEY, tmp_path / "other.toml")
-    assert plywave.Cloth(tmp_path / "other.toml").notes == []
+    assert plywave.Cloth(tmp_path / "other.toml").notes == FOUND

@@ -138,6 +138,7 @@ def test_two_farms_on_one_cache(client, model, tmp_path):
     assert not [name for _, _, names in os.walk(tmp_path) for name in names if name.endswith(".tmp")]
 
 
+@pytest.mark.slow(16)
 def test_workers_that_die(tmp_path):
     """Killed while they start, as data are sent to them, and while they work: the same bits, and no shard twice."""
     sizes = {**SMALL, "paths": 200_000}
@@ -435,8 +436,9 @@ curves = { file = "curves.toml" }
 
 [yarn]
 model = "yarn.toml"
-count = { dtex = 45 }
-density_g_per_cm3 = 1.4
+fiber = { like = "polyester", density_g_per_cm3 = 1.4 }
+count = "45 dtex"
+packing = 0.6
 """
 CURVES = """
 cell_um = [[200.0, 0.0], [0.0, 100.0]]
@@ -497,6 +499,7 @@ def pictures(page):
     return found
 
 
+@pytest.mark.slow(7)
 def test_all_kinds_of_a_library(folder):
     """A file of every kind through the command, its cache at a URL: pictures on the page show what they should, and a second run computes nothing."""
     (folder / "family.toml").write_text(FAMILY)

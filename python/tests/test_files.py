@@ -112,8 +112,8 @@ def test_the_words_are_those_of_the_program(built, tiny, program, tmp_path, monk
         (tmp_path / name).write_text(tiny.replace(was, now))
         want = program_says(program, "build", name, "--preset", "preview", "-o", "x.pwm")
         assert refused(lambda: plywave.build(name, "preview")) == want
-    weave = 'name = "x"\n[weave]\nkind = "plain"\n[warp]\nends_per_cm = 60\n%s\n[weft]\npicks_per_cm = 60\n%s\n'
-    good = 'model = "ok.pwm"\ncount = { tex = 10 }\ndensity_g_per_cm3 = 1.4\nsrgb = [0.5, 0.2, 0.2]'
+    weave = 'name = "x"\n[weave]\nkind = "plain"\nends_per_cm = 60\npicks_per_cm = 60\n[warp]\n%s\n[weft]\n%s\n'
+    good = 'model = "ok.pwm"\nfiber = "polyester"\ncount = "10 tex"\ncolor = [0.5, 0.2, 0.2]'
     bad = ["", good.replace("ok.pwm", "none.pwm"), good + "\nplies = 9", good.replace("10", "-1"), good.replace("0.5", "1.5"), 'model = "ok.pwm"\nspacing_um = 90.0']
     for k, warp in enumerate(bad):
         name = f"cloth{k}.toml"
@@ -143,9 +143,10 @@ def test_models_that_ship_go_by_their_name(fabrics, monkeypatch, tmp_path):
     monkeypatch.delenv("PLYWAVE_MODELS", raising=False)
     shipped = (fabrics / "models" / "silk.pwm").read_bytes()
     assert plywave.load("silk").to_bytes() == plywave.Model("silk").to_bytes() == plywave.Model.from_bytes(shipped).to_bytes()
-    refused(lambda: plywave.load("sylk"), "sylk: no such file and no model of this name", "silk, viscose")
-    yarn = {"model": "silk", "count": {"tex": 8}, "density_g_per_cm3": 1.34}
-    named = {"name": "open", "weave": {"kind": "plain"}, "warp": {**yarn, "ends_per_cm": 20}, "weft": {**yarn, "picks_per_cm": 20, "model": "sylk"}}
+    refused(lambda: plywave.load("sylk"), "sylk: no such file and no model of this name", "silk, silk_single, viscose")
+    yarn = {"model": "silk", "fiber": "silk", "count": "8 tex", "packing": 0.6, "bundles": 1}
+    weave = {"kind": "plain", "ends_per_cm": 20, "picks_per_cm": 20}
+    named = {"name": "open", "weave": weave, "warp": yarn, "weft": {"as": "warp", "model": "sylk"}}
     refused(lambda: plywave.weave(named), "sylk", "there are: alpaca")
     # A folder of one's own, and the file beside.
     (tmp_path / "mine").mkdir()

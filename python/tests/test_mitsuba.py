@@ -101,6 +101,7 @@ def glass(tiny):
     return os.path.join(FOLDER.name, "glass.pwm")
 
 
+@pytest.mark.slow(5)
 @pytest.mark.parametrize("name", ["polyester", "cotton", "silk", "cotton_2ply", 0.0, 5.0, "glass"])
 def test_ply_terms_are_the_librarys(name, request):
     """f_refl, f_high, f_edge and the density, a quarter of the directions about the edge lobe, of cones a half about the cone. Where a lobe's tail or the edge's narrow peak
@@ -181,6 +182,7 @@ def hold_weights(bsdf, si, rng):
     return weight, straight
 
 
+@pytest.mark.slow(4)
 @pytest.mark.parametrize("kind", ["ply", "cone"])
 @pytest.mark.parametrize("wi", [(0.3, 0.2, 0.9), (0.8, 0.1, 0.2)])
 def test_samples_have_their_density(kind, wi):
@@ -194,6 +196,7 @@ def places_of_plies(rng, n, size=500.0):
     return interaction(n, mi.Point2f(rng.uniform(-size, size, (2, n)).astype(np.float32)), mi.Vector3f(wi.T.copy()))
 
 
+@pytest.mark.slow(8)
 @pytest.mark.parametrize("kind", ["ply", "cone"])
 def test_weights_and_white_furnace(kind):
     """Clear fibers under even light are as bright as what is around them."""

@@ -41,13 +41,13 @@ def file(woven):
     def of(name):
         if name != "mixed":
             return woven(name)
-        yarn = {"density_g_per_cm3": 1.38, "packing": 0.65, "stiffness": 4.0}
-        stripes = [{"count": count, "srgb": srgb} for count, srgb in ((2, [0.6, 0.1, 0.1]), (1, [0.1, 0.2, 0.6]), (2, [0.8, 0.8, 0.7]))]
+        yarn = {"fiber": "polyester", "packing": 0.65, "bundles": 1, "stiffness": 4.0}
+        stripes = [{"count": count, "color": color} for count, color in ((2, [0.6, 0.1, 0.1]), (1, [0.1, 0.2, 0.6]), (2, [0.8, 0.8, 0.7]))]
         # Counts of plies as wide as the models'.
         uneven = {"count_cv": 0.2, "spacing_cv": 0.05, "uneven_mm": 0.5}
-        warp = {**yarn, **uneven, "model": cones(0.0), "count": {"dtex": 70.45}, "ends_per_cm": 60, "stripes": stripes}
-        weft = {**yarn, "model": str(FABRICS / "models" / "cotton.pwm"), "count": {"dtex": 62.25}, "picks_per_cm": 60, "srgb": [0.5, 0.5, 0.3], "slit_um": 1.5}
-        return woven(name, {"name": name, "weave": {"kind": "plain"}, "warp": warp, "weft": weft})
+        warp = {**yarn, **uneven, "model": cones(0.0), "count": "70.45 dtex", "stripes": stripes}
+        weft = {**yarn, "model": str(FABRICS / "models" / "cotton.pwm"), "count": "62.25 dtex", "color": [0.5, 0.5, 0.3], "slit_um": 1.5}
+        return woven(name, {"name": name, "weave": {"kind": "plain", "ends_per_cm": 60, "picks_per_cm": 60}, "warp": warp, "weft": weft})
 
     return of
 
@@ -87,6 +87,7 @@ def answers(bsdf, position, wo, wi):
     return f.T, pdf, straight[0]
 
 
+@pytest.mark.slow(16)
 @pytest.mark.parametrize("name, share", [("jersey", 5e-4), ("hopsack", 5e-4)])
 def test_lines_hit_what_they_hit_in_the_library(name, share, file):
     """The first curve, how many plies there are, and where it is hit, to a hundredth of the lines: theta_i to 1e-3 rad, the offset and the way to 0.1 um."""
@@ -117,6 +118,7 @@ def test_lines_hit_what_they_hit_in_the_library(name, share, file):
         assert off <= 1e-2, (column, off)
 
 
+@pytest.mark.slow(12)
 @pytest.mark.parametrize(
     "name, keys, share",
     [
@@ -163,6 +165,7 @@ def test_light_of_gaps_is_the_librarys(name, file):
     assert abs(got[gaps].mean(dtype=np.float64) / f[gaps].mean(dtype=np.float64) - 1.0) < 1e-3
 
 
+@pytest.mark.slow(20)
 @pytest.mark.parametrize("variant", ["llvm_ad_rgb", "scalar_rgb"])
 def test_speckle_is_the_librarys(variant, file):
     """f of the whole cloth with speckle: another than the smooth one, and the library's. Patterns lie by the place on the ply, in which both differ as in
@@ -184,6 +187,7 @@ def test_speckle_is_the_librarys(variant, file):
     assert abs(got.mean(dtype=np.float64) / f.mean(dtype=np.float64) - 1.0) < 1e-3
 
 
+@pytest.mark.slow(16)
 @pytest.mark.parametrize("name", ["jersey", "organza", "mixed", "flannel"])
 def test_far_view_is_the_librarys(name, file):
     """The mean over the cell, and between it and the point; of absorptions that textures give, too."""
@@ -205,6 +209,7 @@ def test_far_view_is_the_librarys(name, file):
     assert not bsdf.needs_differentials() and cloth(file(name), far=True).needs_differentials()
 
 
+@pytest.mark.slow(8)
 @pytest.mark.parametrize(
     "name, keys, wi, at",
     [
@@ -227,6 +232,7 @@ def test_samples_have_their_density(name, keys, wi, at, file):
 FAR = {"far": True, "footprint_um": 400.0}
 
 
+@pytest.mark.slow(6)
 @pytest.mark.parametrize(
     "name, keys",
     [
@@ -264,6 +270,7 @@ def test_variants_agree(variant, name, file):
         assert np.allclose(got, want, rtol=1e-4), f"{got}, want {want}"
 
 
+@pytest.mark.slow(6)
 def test_colors_are_those_of_the_library(file):
     """A color of all yarns, and of one kind, as absorptions by the library's own curve."""
     at = queries(6, 2000)
@@ -313,6 +320,7 @@ def hold_gradient_of_picture(bsdf, key):
     assert abs(got / want - 1.0) < 1e-2, f"{got}, by differences {want}"
 
 
+@pytest.mark.slow(17)
 def test_gradients_are_differences(file):
     keys = {"type": "plywave_cloth", "filename": file("jersey"), "um_per_uv": 2e4}
     assert {"sigma_per_um.value", "um_per_uv", "dyes_per_um"} <= set(mi.traverse(cloth(file("jersey"), sigma_per_um=0.004)).keys())
@@ -360,6 +368,7 @@ def hold_gradients_by_scale(name, bsdf, choices, uv, wo, least):
     assert np.hypot(*np.subtract(gots, wants)) < 1e-2 * np.hypot(*wants), f"{gots}, by differences {wants}"
 
 
+@pytest.mark.slow(30)
 def test_gradients_by_the_scale_are_differences(file):
     # Gradients take relief as given.
     bsdf = cloth(file("hopsack"), relief=False)
@@ -375,7 +384,7 @@ def test_bad_keys_are_told(file, tmp_path):
         ({}, "filename: give a cloth file"),
         ({"filename": "absent.pwc"}, "absent.pwc"),
         ({"filename": str(short)}, "short.pwc"),
-        ({"filename": str(CLOTHS / "plies" / "cotton_single.pwm")}, "cotton_single.pwm"),
+        ({"filename": str(FABRICS / "models" / "cotton_single.pwm")}, "cotton_single.pwm"),
         ({"filename": jersey, "layer": True}, "layer: unknown key: did you mean 'layers'?"),
         ({"filename": jersey, "layers": 3.0}, "layers: 3.0: expected true or false"),
         ({"filename": jersey, "gaps": "open"}, "gaps: 'open': expected"),
@@ -414,6 +423,7 @@ def plane(bsdf, distance, integrator, size=16):
     return mi.load_dict({"type": "scene", "integrator": integrator, "sensor": sensor, "lamp": lamp, "cloth": sheet})
 
 
+@pytest.mark.slow(60)
 def test_footprints_are_those_of_rays(file):
     """By the angle of a pixel, pixels that cover a cell and more see the mean, and near ones see points; scaled to nothing all see points, of the same mean. The share of the mean
     by the differentials of a ray is that by the angle. (Mitsuba 3.9 hands differentials to BSDFs in scalar variants only.)"""
@@ -448,6 +458,7 @@ def example(name):
     return __import__(name)
 
 
+@pytest.mark.slow(27)
 def test_sigma_is_recovered_from_a_picture(file):
     """Inverse rendering: the absorption of three channels from one picture, to 5 %."""
     recover_sigma = example("recover_sigma")
@@ -457,6 +468,7 @@ def test_sigma_is_recovered_from_a_picture(file):
     assert np.abs(got / truth - 1.0).max() < 0.05, f"{got}, want {truth}"
 
 
+@pytest.mark.slow(8)
 def test_both_hosts_agree(program, file):
     """The same cloth by `plywave render` and by Mitsuba: means within 1 %, pixels within noise."""
     means, squares, _, _ = example("both_hosts").compare(program, file("jersey"), 48, 64)

@@ -77,7 +77,7 @@ def test_everything_public_is_told():
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 
 
-@pytest.mark.parametrize("page", ["docs/reference/python_api.md", "python/README.md"])
+@pytest.mark.parametrize("page", [pytest.param("docs/reference/python_api.md", marks=pytest.mark.slow(15)), "python/README.md"])
 def test_examples_of_the_docs_run(page, tmp_path, monkeypatch):
     blocks = re.findall(r"```python\n(.*?)```", (ROOT / page).read_text(), re.S)
     assert blocks
@@ -90,7 +90,11 @@ def test_examples_of_the_docs_run(page, tmp_path, monkeypatch):
         exec(compile(textwrap.dedent(block), page, "exec"), told)
 
 
-@pytest.mark.parametrize(("name", "made"), [("yarn_to_picture", [".png", ".png", ".pwm"]), ("parameters", [".png"]), ("color_from_picture", [".png"] + 5 * [".pwm"])])
+@pytest.mark.parametrize(("name", "made"), [
+    pytest.param("yarn_to_picture", [".png", ".png", ".pwm"], marks=pytest.mark.slow(45)),
+    pytest.param("parameters", [".png"], marks=pytest.mark.slow(50)),
+    pytest.param("color_from_picture", [".png"] + 5 * [".pwm"], marks=pytest.mark.slow(60)),
+])
 def test_notebooks_run(tmp_path, name, made):
     script = ROOT / "examples" / "python" / f"{name}.py"
     out = subprocess.run([sys.executable, str(script), "-o", str(tmp_path)], capture_output=True, text=True, cwd=ROOT)

@@ -128,6 +128,7 @@ def test_folders_of_other_runs_are_refused(tiny, tmp_path):
     assert not folder.exists()
 
 
+@pytest.mark.slow(7)
 @pytest.mark.skipif(os.name != "posix", reason="sends SIGINT")
 def test_fits_stop_too(tiny):
     """A stage that does not look at the flag is left at its next progress."""

@@ -1,4 +1,4 @@
-//! Cloths as surfaces.
+//! Cloth models as surfaces of the renderer.
 
 use crate::{Surface, WAVELENGTHS};
 use plywave::cloth::ClothBsdf;

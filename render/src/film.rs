@@ -1,9 +1,9 @@
-//! The film: sums over the samples of each pixel, kept on disk so that a render can resume. `picture.rs`
-//! writes it as EXR and PNG.
+//! The film: sums over the samples of each pixel, and their file, from which a render resumes. `picture.rs`
+//! writes the film as EXR and PNG.
 
 use crate::RenderError;
-use crate::course::CutSums;
-use crate::room::check_room;
+use crate::memory_limit::check_memory;
+use crate::roulette::CutSums;
 use plywave::color;
 use std::collections::HashMap;
 use std::path::Path;
@@ -19,26 +19,27 @@ const WORK_BYTES: u64 = 120;
 pub struct Film {
     width: u32,
     height: u32,
-    /// Which tiles it has, and of how many parts: tile k is in part k modulo their number.
+    /// Part of the tiles that the film has, and the number of parts: tile k belongs to part k modulo that
+    /// number.
     part: [u32; 2],
     samples: u32,
     /// XYZ of the light.
     light: Vec<[f32; 3]>,
-    /// XYZ of the albedo of the first hit, lit by the illuminant.
+    /// XYZ of the albedo of the first hit under the illuminant.
     albedo: Vec<[f32; 3]>,
-    /// Normals of the first hits, in the scene's axes, turned to the camera.
+    /// Sums of the first hits' normals, in the scene's axes, on the camera's side.
     normal: Vec<[f32; 3]>,
-    /// Depths of the first hits [mm].
+    /// Sums of the depths of the first hits [mm].
     depth: Vec<f32>,
     /// Samples that hit the sheet first.
     hits: Vec<f32>,
-    /// Squared deviations of the samples' linear sRGB from their mean.
+    /// Sums of squared deviations of the samples' linear sRGB from their mean.
     deviation: Vec<[f32; 3]>,
-    /// Sums for the light that cut paths omit.
+    /// Sums that estimate the light omitted by cuts.
     cut: CutSums,
 }
 
-/// Picture of a film.
+/// Quantity that a picture of a film shows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum FilmView {
     /// The light.
@@ -56,7 +57,7 @@ pub(crate) struct Sample {
     pub albedo: [f32; 3],
     /// Normal and depth of the first hit.
     pub hit: Option<([f32; 3], f32)>,
-    /// Sums for the light that cuts omit.
+    /// Sums that estimate the light omitted by cuts.
     pub cut: CutSums,
 }
 
@@ -91,15 +92,15 @@ impl PixelSums {
     }
 }
 
-/// Inputs of a render, by name: a render resumes only if all are the same.
+/// Inputs of a render, by name: a render resumes only if all of them are unchanged.
 pub type Ingredients = [(String, String)];
 
-/// Names of the sums in the file, and their numbers per pixel.
+/// Names of the sums in the file, and the number of values per pixel.
 const TENSORS: [(&str, usize); 6] =
     [("light", 3), ("albedo", 3), ("normal", 3), ("depth", 1), ("hits", 1), ("deviation", 3)];
 /// Prefix of the ingredients in the file.
 const INGREDIENT: &str = "of ";
-/// Name of the cuts' sums in the file.
+/// Name of the sums of cut paths in the file.
 const CUT: &str = "cut";
 /// Largest header of a file of sums [bytes].
 const MAX_HEADER: u64 = 1 << 20;
@@ -112,7 +113,7 @@ impl Film {
     pub fn new(width: u32, height: u32) -> Result<Film, RenderError> {
         let pixels = u64::from(width) * u64::from(height);
         let what = format!("a film of {width} x {height} pixels");
-        check_room(&what, pixels.saturating_mul(PIXEL_BYTES + WORK_BYTES))?;
+        check_memory(&what, pixels.saturating_mul(PIXEL_BYTES + WORK_BYTES))?;
         let n = pixels as usize;
         Ok(Film {
             width,
@@ -129,9 +130,9 @@ impl Film {
         })
     }
 
-    /// One of several films of a picture that are rendered apart, as by processes without common memory:
-    /// every `parts`-th tile. Other pixels stay black, so the picture is the sum of its parts, with the bits
-    /// of a whole one.
+    /// A film for one of `parts` parts of a picture, which separate processes can render: it has every
+    /// `parts`-th tile, and its other pixels stay black. The sum of all parts equals the whole picture bit
+    /// for bit.
     ///
     /// # Errors
     /// As [`Film::new`].
@@ -140,7 +141,7 @@ impl Film {
         Ok(Film { part: [part % parts, parts], ..Film::new(width, height)? })
     }
 
-    /// Black again, without samples; of the same part.
+    /// Clears the film: black, without samples, for the same part.
     pub fn clear(&mut self) {
         for plane in [&mut self.light, &mut self.albedo, &mut self.normal, &mut self.deviation] {
             plane.fill([0.0; 3]);
@@ -150,17 +151,17 @@ impl Film {
         (self.samples, self.cut) = (0, CutSums::default());
     }
 
-    /// Whether a tile is of its part.
+    /// Whether a tile belongs to the film's part.
     pub(crate) fn has_tile(&self, tile: u32) -> bool {
         tile % self.part[1] == self.part[0]
     }
 
-    /// Pixels across.
+    /// Width in pixels.
     pub fn width(&self) -> u32 {
         self.width
     }
 
-    /// Pixels down.
+    /// Height in pixels.
     pub fn height(&self) -> u32 {
         self.height
     }
@@ -170,12 +171,12 @@ impl Film {
         self.samples
     }
 
-    /// Adds `count` samples of a pixel. [`Film::count`] follows once all pixels have them.
+    /// Adds the sums of `count` samples of a pixel. [`Film::count`] follows once all pixels have them.
     pub(crate) fn add(&mut self, x: u32, y: u32, sums: &PixelSums, count: u32) {
         let at = self.at(x, y);
         let (before, n) = (f64::from(self.samples), f64::from(count.max(1)));
-        // The squared deviations of two sets of samples are those of both and of their means (Chan, Golub and
-        // LeVeque 1979).
+        // The squared deviations of two joined sets of samples are the sum of their own and of those of their
+        // means (Chan, Golub and LeVeque 1979).
         let mean = color::linear_srgb_of_xyz(self.light[at].map(|v| f64::from(v) / before.max(1.0)));
         for k in 0..3 {
             let own = sums.rgb[0][k] / n;
@@ -199,7 +200,7 @@ impl Film {
         y as usize * self.width as usize + x as usize
     }
 
-    /// Mean XYZ of a pixel; 1 for Y is the white of the illuminant.
+    /// Mean XYZ of a pixel; the white of the illuminant has Y = 1.
     pub fn xyz(&self, view: FilmView, x: u32, y: u32) -> [f32; 3] {
         let at = self.at(x, y);
         let sums = match view {
@@ -214,35 +215,35 @@ impl Film {
         color::linear_srgb_of_xyz(self.xyz(view, x, y).map(f64::from)).map(|v| v as f32)
     }
 
-    /// Unit mean of the first hits' normals, in the scene's axes, turned to the camera; 0 where no sample
-    /// hits.
+    /// Unit mean normal of the first hits, in the scene's axes, on the camera's side; 0 if no sample hits an
+    /// object.
     pub fn normal(&self, x: u32, y: u32) -> [f32; 3] {
         let n = self.normal[self.at(x, y)];
         let length = n.iter().map(|v| v * v).sum::<f32>().sqrt();
         if length > 0.0 { n.map(|v| v / length) } else { n }
     }
 
-    /// Mean depth of the first hits along the camera's axis [mm]; 0 where no sample hits.
+    /// Mean depth of the first hits along the camera's axis [mm]; 0 if no sample hits an object.
     pub fn depth(&self, x: u32, y: u32) -> f32 {
         let at = self.at(x, y);
         self.depth[at] / self.hits[at].max(1.0)
     }
 
-    /// Variance of a pixel's linear sRGB over samples, divided by their number; `None` for fewer than two.
-    /// That is the variance of the mean for matter; of other scenes an upper bound, as the numbers of a
-    /// pixel's paths are evenly spread.
+    /// Variance of a pixel's linear sRGB over its samples, divided by their number; `None` for fewer than two
+    /// samples. For explicit fibers this is the variance of the mean; for other scenes it is an upper bound,
+    /// because the random numbers of a pixel's paths are stratified.
     pub fn variance(&self, x: u32, y: u32) -> Option<[f32; 3]> {
         let n = self.samples as f32;
         (self.samples > 1).then(|| self.deviation[self.at(x, y)].map(|d| d / (n * (n - 1.0))))
     }
 
-    /// Light omitted by cuts after the largest number of scatterings, over all light of visible objects, 0 to
-    /// 1; estimated from cut paths that are followed without adding to the picture.
+    /// Fraction of the light of visible objects that cuts at the largest number of scatterings omit, 0 to 1,
+    /// as estimated by cut paths that continue without adding to the picture.
     pub fn cut_share(&self) -> f64 {
         self.cut.share()
     }
 
-    /// Bytes of a file with the sums, for [`Film::resume`].
+    /// Bytes of a file with the film's sums, for [`Film::resume`].
     ///
     /// # Errors
     /// [`RenderError::Picture`] if they cannot be encoded.
@@ -271,11 +272,11 @@ impl Film {
         safetensors::serialize(views, Some(about)).map_err(bad)
     }
 
-    /// Resumes from [`Film::sums`] of a film of this size.
+    /// Loads the sums of [`Film::sums`] for a film of this size.
     ///
     /// # Errors
-    /// [`RenderError::Picture`] if they are damaged or an input differs from `of` (the message names it);
-    /// [`RenderError::Io`]; as [`Film::new`].
+    /// [`RenderError::Picture`] if the file is damaged or an input differs from `of` (the message names the
+    /// input); [`RenderError::Io`]; those of [`Film::new`].
     pub fn resume(path: &Path, of: &Ingredients, width: u32, height: u32) -> Result<Film, RenderError> {
         let file = path.display().to_string();
         let bad = |what: &str| RenderError::Picture {
@@ -283,8 +284,8 @@ impl Film {
             what: format!("{what}; start over with --fresh instead of --resume"),
         };
         let mut film = Film::new(width, height)?;
-        let most = u64::from(width) * u64::from(height) * PIXEL_BYTES + MAX_HEADER;
-        let bytes = crate::room::read_file(path, most)?;
+        let max = u64::from(width) * u64::from(height) * PIXEL_BYTES + MAX_HEADER;
+        let bytes = crate::memory_limit::read_file(path, max)?;
         let damaged = |_| bad("not the sums of a render");
         let (_, metadata) = safetensors::SafeTensors::read_metadata(&bytes).map_err(damaged)?;
         let about = metadata.metadata().clone().unwrap_or_default();
@@ -298,7 +299,7 @@ impl Film {
         }
         let samples: Option<u32> = about.get("samples").and_then(|s| s.parse().ok());
         film.samples = samples.filter(|n| *n > 0).ok_or_else(|| bad("damaged: no count of samples"))?;
-        let cut = about.get(CUT).and_then(|text| CutSums::of_text(text));
+        let cut = about.get(CUT).and_then(|text| CutSums::from_text(text));
         film.cut = cut.ok_or_else(|| bad("damaged: no sums of what cuts leave out"))?;
         let tensors = safetensors::SafeTensors::deserialize(&bytes).map_err(damaged)?;
         let mut sums = TENSORS.map(|_| Vec::new());

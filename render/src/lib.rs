@@ -1,60 +1,52 @@
 //! Reference host of plywave: a small spectral path tracer for a sheet of cloth, which exercises every part
 //! of the shading model in a real renderer.
 //!
-//! Four wavelengths go along a path. The camera ray plays the beam of the ply model: at a point of the cloth
-//! it determines latitude and offset on the ply that it hits, and `f(wo)`, which includes the cosine of the
-//! light's direction, weights the light from `wo`. Light sources are sampled and hit, weighted by the power
-//! heuristic. Cloth is thin: paths continue at either side.
+//! A path carries four wavelengths. The camera ray takes the role of the beam of the ply model: at its hit
+//! point on the cloth it fixes the latitude and the offset on the ply, and `f(w)`, which includes the cosine
+//! of the light's direction, weights the light that arrives from `w`. Direct light combines sampling of the
+//! sources with sampling of the scattering function by the power heuristic (Veach 1997, 9.2). Cloth is thin:
+//! a path continues on either side of it.
 //!
 //! Not implemented: subsurface and volumes, textures other than the weave, depth of field, denoising.
 
-mod bvh;
 mod camera;
 mod cloth;
-mod course;
-mod drape;
+mod explicit_fibers;
 mod film;
-mod import;
 mod light;
-mod matter;
-mod mesh;
+mod memory_limit;
 mod numbers;
-mod obj;
 mod path;
 mod picture;
-mod primaries;
-mod props;
-mod room;
+mod roulette;
 mod scene;
 mod setup;
 mod sky;
-mod sky_exr;
-mod sky_file;
-mod smooth;
 mod spectrum;
 mod strands;
+mod surface;
 mod uv_places;
 
 pub use camera::{Camera, View};
-pub use course::MAX_SCATTERINGS;
+pub use explicit_fibers::{Exit, ExplicitFibers, Lamps, render_matter};
 pub use film::{Film, FilmView, Ingredients};
-pub use import::{FaceCount, MeshNotes};
 pub use light::{Light, LightSampling};
-pub use matter::{Lamps, Leaves, Matter, render_matter};
-pub use mesh::Mesh;
 pub use numbers::PathNumbers;
 pub use path::{RenderOptions, render};
 pub use picture::{Facts, png};
-pub use props::{Prop, Shape};
+pub use roulette::MAX_SCATTERINGS;
 pub use scene::{Frame, Scene, SurfacePoint};
 pub use setup::Setup;
-pub use sky::Environment;
+pub use sky::environment::Environment;
 pub use spectrum::LAMBDA_RANGE_UM;
 pub use strands::{
     Basis, GeneratedStrands, MAX_MM, MAX_POINTS, MIN_RADIUS_MM, Skip, StrandDual, StrandDualOptions, StrandFiber,
     StrandFile, StrandHit, StrandNotes, StrandScene, StrandShape, StrandTree, Strands, TraceCost, make, mitsuba_text,
     render_strands, render_strands_dual,
 };
+pub use surface::import::{FaceCount, MeshNotes};
+pub use surface::mesh::Mesh;
+pub use surface::props::{Prop, Shape};
 
 pub use uv_places::UvPlaces;
 
@@ -106,7 +98,7 @@ pub enum RenderError {
         /// Required memory [GiB].
         gib: f64,
     },
-    /// Stopped by the host.
+    /// The host stopped the render.
     #[error("stopped after {done} of {total} samples a pixel; --resume goes on")]
     Stopped {
         /// Samples done.
@@ -118,16 +110,17 @@ pub enum RenderError {
 
 /// Material of a scene's surface: a scattering function at each point.
 ///
-/// `wo` is the direction back along the path, unit, in the surface's frame: x and y along the cloth's u and
-/// v, z its normal. The scattering function takes the other direction, in the same frame, and includes its
-/// cosine.
+/// `wo` is the unit direction towards the camera, back along the path, in the surface's frame: x and y along
+/// the cloth's u and v, z its normal. The scattering function takes the direction towards the light in the
+/// same frame and includes its cosine.
 pub trait Surface: Sync {
-    /// The scattering function at a point.
+    /// The scattering function at one query.
     type At<'a>: plywave::Bsdf<WAVELENGTHS>
     where
         Self: 'a;
 
-    /// The scattering function at a position on the cloth [um] with a footprint of this diameter [um], seen
-    /// from `wo`, at wavelengths [um].
+    /// The scattering function at the position `uv_um` on the cloth [um], averaged over a footprint of
+    /// diameter `footprint_um` [um], for the unit direction `wo` towards the camera and the wavelengths
+    /// `lambda_um` [um].
     fn at(&self, uv_um: [f32; 2], footprint_um: f32, wo: [f32; 3], lambda_um: [f32; WAVELENGTHS]) -> Self::At<'_>;
 }

@@ -1,4 +1,5 @@
-//! Lamps, and sampling of lamps and the sky: by directions drawn from a source, and by rays that hit one.
+//! Rectangular lamps and the sky as light sources: their sampling densities, and the weights that combine
+//! light sampling with sampling of the scattering function by the power heuristic (Veach 1997, 9.2).
 
 use crate::numbers::PathNumbers;
 use crate::spectrum::Light4;
@@ -6,17 +7,17 @@ use crate::{Environment, WAVELENGTHS};
 use glam::Vec3;
 use rand::RngExt;
 
-/// Up to so many sources, a surface draws from each.
+/// Largest number of sources for which a scattering point samples every source.
 const EACH: usize = 3;
-/// Scatterings after which it draws from one.
+/// Number of scatterings of a path after which a point samples a single source.
 const FROM_EACH: u32 = 2;
 
-/// A rectangular lamp that emits the same radiance into all directions, on the side of `edges[0] x edges[1]`.
+/// A rectangular lamp that emits the same radiance in all directions on the side of `edges[0] x edges[1]`.
 #[derive(Clone, Copy, Debug)]
 pub struct Light {
     /// A corner [mm].
     pub corner: Vec3,
-    /// The two edges from it [mm], at right angles.
+    /// The two edges that start at the corner [mm], at right angles.
     pub edges: [Vec3; 2],
     /// Radiance, relative to the illuminant's spectrum.
     pub radiance: f32,
@@ -39,12 +40,12 @@ impl Light {
         self.edges[0].cross(self.edges[1]).length()
     }
 
-    /// Whether rays in `direction` face the emitting side.
+    /// Whether a ray in `direction` hits the emitting side.
     fn faces(&self, direction: Vec3) -> bool {
         -self.normal().dot(direction) > 1e-9
     }
 
-    /// Distance along a ray to the emitting side, if it is hit.
+    /// Distance [mm] along a ray to the emitting side, if the ray hits it.
     pub(crate) fn hit(&self, origin: Vec3, direction: Vec3) -> Option<f32> {
         if !self.faces(direction) {
             return None;
@@ -56,12 +57,13 @@ impl Light {
         (t > 0.0 && inside).then_some(t)
     }
 
-    /// Density [1/sr] of sampling, from `origin`, the direction in which the light is `t` away.
+    /// Density [1/sr] with which [`Light::sample`] draws `direction`, in which the lamp is `t` [mm] away.
     pub(crate) fn pdf(&self, direction: Vec3, t: f32) -> f32 {
         t * t / (self.area() * -self.normal().dot(direction)).max(1e-20)
     }
 
-    /// Direction to a point of the light by two uniform numbers, and the distance.
+    /// Direction to a uniformly distributed point of the lamp, from two uniform numbers, and the distance
+    /// [mm].
     pub(crate) fn sample(&self, origin: Vec3, u: [f32; 2]) -> (Vec3, f32) {
         let to = self.corner + self.edges[0] * u[0] + self.edges[1] * u[1] - origin;
         let t = to.length();
@@ -69,8 +71,8 @@ impl Light {
     }
 }
 
-/// Sampling of lamps and the sky. Each strategy gives the same picture; each alone is noisy where the other
-/// is not.
+/// Strategy for sampling lamps and the sky. All three strategies have the same expected picture; each single
+/// strategy is noisy where the other one is not.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum LightSampling {
     /// Both strategies, weighted by the power heuristic (Veach 1997, 9.2).
@@ -83,9 +85,9 @@ pub enum LightSampling {
 }
 
 impl LightSampling {
-    /// Weight of light in a direction drawn from its source with density `pdf`; scattering draws it with
-    /// density `scattering`.
-    pub(crate) fn of_drawn(self, pdf: f32, scattering: f32) -> f32 {
+    /// Weight of light in a direction that was sampled from its source with density `pdf` [1/sr];
+    /// `scattering` is the density with which the scattering function samples the same direction.
+    pub(crate) fn weight_of_sampled(self, pdf: f32, scattering: f32) -> f32 {
         match self {
             LightSampling::Both => share(pdf, scattering),
             LightSampling::Sources => 1.0,
@@ -93,9 +95,10 @@ impl LightSampling {
         }
     }
 
-    /// Weight of light that a ray hit after scattering with density `scattering`, which is infinite if no
-    /// other direction was possible: from the camera, or straight through.
-    pub(crate) fn of_met(self, scattering: f32, pdf: f32) -> f32 {
+    /// Weight of light from a source that a ray hit. The ray was sampled by the scattering function with
+    /// density `scattering`, which is infinite for directions that cannot be sampled otherwise (from the
+    /// camera, or straight through), and by the source with density `pdf` [1/sr].
+    pub(crate) fn weight_of_hit(self, scattering: f32, pdf: f32) -> f32 {
         match self {
             LightSampling::Both => share(scattering, pdf),
             LightSampling::Sources => f32::from(scattering.is_infinite()),
@@ -104,7 +107,7 @@ impl LightSampling {
     }
 }
 
-/// Weight of the first strategy by the power heuristic.
+/// Weight of the first of two strategies with densities `a` and `b` by the power heuristic with exponent 2.
 fn share(a: f32, b: f32) -> f32 {
     if a <= 0.0 {
         0.0
@@ -116,7 +119,7 @@ fn share(a: f32, b: f32) -> f32 {
     }
 }
 
-/// Light of one source that arrives at a point.
+/// Light from one source at a scattering point.
 pub(crate) struct Arriving {
     /// Unit direction towards the source.
     pub direction: Vec3,
@@ -129,7 +132,7 @@ pub(crate) struct Arriving {
 }
 
 impl Arriving {
-    /// Whether it is light of the sky.
+    /// Whether the light comes from the sky.
     pub fn is_sky(&self) -> bool {
         self.t.is_infinite()
     }
@@ -140,7 +143,7 @@ impl Arriving {
     }
 }
 
-/// Lamps and sky of a scene. A lamp occludes light behind it, and is invisible to rays from behind.
+/// Lamps and sky of a scene. A lamp occludes the light behind it and is invisible to rays from behind.
 #[derive(Clone, Copy)]
 pub(crate) struct Sources<'a> {
     pub lights: &'a [Light],
@@ -149,15 +152,15 @@ pub(crate) struct Sources<'a> {
 }
 
 impl Sources<'_> {
-    /// Number of sources, one of which is drawn.
+    /// Number of sources: all lamps, and the sky unless it is dark.
     fn count(&self) -> usize {
         self.lights.len() + usize::from(!self.environment.is_dark())
     }
 
-    /// The first lamp hit by a ray, and its distance.
+    /// The first lamp that a ray hits, and its distance [mm].
     fn nearest(&self, origin: Vec3, direction: Vec3) -> Option<(usize, f32)> {
-        let met = self.lights.iter().enumerate().filter_map(|(i, l)| l.hit(origin, direction).map(|t| (i, t)));
-        met.min_by(|a, b| a.1.total_cmp(&b.1))
+        let hits = self.lights.iter().enumerate().filter_map(|(i, l)| l.hit(origin, direction).map(|t| (i, t)));
+        hits.min_by(|a, b| a.1.total_cmp(&b.1))
     }
 
     fn of_lamp(&self, i: usize, direction: Vec3, t: f32) -> Arriving {
@@ -171,8 +174,9 @@ impl Sources<'_> {
         Arriving { direction, t: f32::INFINITY, radiance: self.environment.radiance(texel, lambda_um), pdf }
     }
 
-    /// The source that a ray hits before any other object; that is at `reach` [mm], infinite without one.
-    pub fn met(&self, origin: Vec3, direction: Vec3, reach: f32, lambda_um: Light4) -> Option<Arriving> {
+    /// The source at the end of a ray whose first hit with another object is at `reach` [mm], infinite
+    /// without one.
+    pub fn hit(&self, origin: Vec3, direction: Vec3, reach: f32, lambda_um: Light4) -> Option<Arriving> {
         if let Some((i, t)) = self.nearest(origin, direction).filter(|(_, t)| *t < reach) {
             return Some(self.of_lamp(i, direction, t));
         }
@@ -180,14 +184,15 @@ impl Sources<'_> {
         is_open.then(|| self.of_sky(direction, self.environment.texel(direction), lambda_um))
     }
 
-    /// How many sources a surface draws from after so many scatterings: at first each of a few, later, or of
-    /// many, one.
+    /// Number of sources that a point samples after `depth` scatterings: each of a few sources at first, a
+    /// single one later or if there are many.
     pub fn draws(&self, depth: u32) -> usize {
         if depth < FROM_EACH && self.count() <= EACH { self.count() } else { 1 }
     }
 
-    /// [`Sources::draw`] for one of so many draws ([`Sources::draws`]), of its own source; the density is
-    /// still that of all sources.
+    /// Samples one of several draws ([`Sources::draws`]): draw `number` of `draws` samples source `number` if
+    /// there are as many draws as sources, else a random source. `pdf` remains the density of
+    /// [`Sources::draw`].
     pub fn draw_of(
         &self,
         (number, draws): (usize, usize),
@@ -201,7 +206,7 @@ impl Sources<'_> {
         self.draw(position, lambda_um, rng)
     }
 
-    /// Light of a randomly drawn source, in a direction drawn from it; `None` if another source occludes it.
+    /// Samples a random source and a direction towards it; `None` if another source occludes it.
     pub fn draw(&self, position: Vec3, lambda_um: Light4, rng: &mut PathNumbers) -> Option<Arriving> {
         let count = self.count();
         let which = (rng.random::<f32>() * count as f32) as usize;
@@ -237,7 +242,7 @@ mod tests {
     fn rectangles_sample_what_their_pdf_says() {
         let light = Light::facing(Vec3::new(3.0, 1.0, 4.0), Vec3::ZERO, 2.0, 1.0);
         let mut rng = rand_pcg::Pcg64Mcg::seed_from_u64(2);
-        let (mut sampled, mut seen) = (0.0f64, 0.0f64);
+        let (mut sampled, mut visible) = (0.0f64, 0.0f64);
         let n = 200_000;
         for _ in 0..n {
             let (w, t) = light.sample(Vec3::ZERO, [rng.random(), rng.random()]);
@@ -247,13 +252,13 @@ mod tests {
             let phi = TAU * rng.random::<f32>();
             let sin = (1.0 - z * z).sqrt();
             let anywhere = Vec3::new(sin * phi.cos(), sin * phi.sin(), z);
-            seen += light.hit(Vec3::ZERO, anywhere).map_or(0.0, |_| 4.0 * std::f64::consts::PI);
+            visible += light.hit(Vec3::ZERO, anywhere).map_or(0.0, |_| 4.0 * std::f64::consts::PI);
         }
-        // Both estimate the solid angle.
-        let (sampled, seen) = (sampled / n as f64, seen / n as f64);
+        // Both means estimate the solid angle of the lamp.
+        let (sampled, visible) = (sampled / n as f64, visible / n as f64);
         assert!(
-            (sampled - seen).abs() < 5.0 * (seen * 4.0 * std::f64::consts::PI / n as f64).sqrt(),
-            "{sampled} {seen}"
+            (sampled - visible).abs() < 5.0 * (visible * 4.0 * std::f64::consts::PI / n as f64).sqrt(),
+            "{sampled} {visible}"
         );
     }
 }

@@ -1,36 +1,37 @@
-//! The numbers of a path: for each pixel an Owen-scrambled Sobol sequence over its samples (Burley,
-//! "Practical Hash-based Owen Scrambling", JCGT 9(4), 2020), a dimension for each number that the path takes.
+//! Random numbers of a path: for each pixel, an Owen-scrambled Sobol sequence over its samples (Burley,
+//! "Practical Hash-based Owen Scrambling", JCGT 9(4), 2020), with one dimension for each number that the path
+//! draws.
 
 use plywave::math::hash::{GAMMA, mix64};
 use rand::TryRng;
 use sobol_burley::{NUM_DIMENSION_SETS_4D, sample_4d};
 use std::convert::Infallible;
 
-/// Bits of the number of a sample in one sequence.
+/// Number of bits of a sample's index within one sequence.
 const INDEX_BITS: u32 = 16;
 const UNIT: f32 = (1u64 << 32) as f32;
 
-/// Numbers of one sample of a pixel, one after the other. Each is even by itself; over the samples of a
-/// pixel, the numbers at the same place are evenly spread, and so are pairs of near ones.
+/// Random numbers of one sample of a pixel, in order. Each is uniform by itself. Over the samples of a pixel,
+/// the numbers of one dimension, and pairs from dimensions of one set of four, are stratified.
 #[derive(Clone, Debug)]
 pub struct PathNumbers {
     index: u32,
     seed: u64,
-    /// Dimensions taken.
+    /// Number of dimensions drawn.
     taken: u32,
     four: [f32; 4],
     is_even: bool,
 }
 
 impl PathNumbers {
-    /// Those of a sample, by its number; `seed` is the pixel's own.
+    /// Numbers of the sample with index `sample`; `seed` belongs to the pixel.
     pub fn new(seed: u64, sample: u32) -> PathNumbers {
         let seed = mix64(seed ^ u64::from(sample >> INDEX_BITS).wrapping_mul(GAMMA));
         PathNumbers { index: sample & ((1 << INDEX_BITS) - 1), seed, taken: 0, four: [0.0; 4], is_even: true }
     }
 
-    /// Independent ones, for paths so long that evenness is lost: the spread of samples is then that of their
-    /// mean.
+    /// Independent numbers, for paths so long that stratification has no effect: the variance over samples
+    /// then gives the variance of their mean.
     pub fn independent(seed: u64, sample: u32) -> PathNumbers {
         PathNumbers {
             is_even: false,
@@ -48,7 +49,7 @@ impl PathNumbers {
         }
         let within = self.taken % 4;
         if within == 0 {
-            // Beyond the last dimension, those of another sequence.
+            // Dimensions beyond the last one continue in another sequence.
             let set = self.taken / 4;
             let seed = mix64(self.seed.wrapping_add(u64::from(set / NUM_DIMENSION_SETS_4D)));
             self.four = sample_4d(self.index, set % NUM_DIMENSION_SETS_4D, seed as u32);
@@ -65,7 +66,7 @@ impl TryRng for PathNumbers {
         Ok((self.take() * UNIT) as u32)
     }
 
-    /// One dimension; the bits below single precision are a hash.
+    /// Draws one dimension; a hash fills the bits below single precision.
     fn try_next_u64(&mut self) -> Result<u64, Infallible> {
         let high = (self.take() * UNIT) as u64;
         let low = mix64(self.seed ^ u64::from(self.index) << 32 ^ u64::from(self.taken));
@@ -86,8 +87,8 @@ mod tests {
     use super::*;
     use rand::RngExt;
 
-    /// Of 256 samples each sixteenth of a dimension has sixteen, and each cell of a near pair of dimensions
-    /// one; other pixels and later sequences have other numbers.
+    /// In 256 samples, each sixteenth of a dimension contains sixteen numbers and each cell of two
+    /// neighboring dimensions one; other pixels and later sequences have different numbers.
     #[test]
     fn samples_are_evenly_spread() {
         let of = |seed: u64, first: u32, dimension: usize| -> Vec<f32> {
@@ -116,7 +117,7 @@ mod tests {
             let same = numbers.iter().zip(&other).filter(|(a, b)| a == b).count();
             assert!(same < 3, "{same}");
         }
-        // A number of double precision takes one dimension.
+        // A number in double precision uses one dimension.
         let (mut a, mut b) = (PathNumbers::new(3, 5), PathNumbers::new(3, 5));
         let (double, single): (f64, f32) = (a.random(), b.random());
         assert!((double - f64::from(single)).abs() < 1e-6);

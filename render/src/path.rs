@@ -1,12 +1,14 @@
-//! Path tracing with four wavelengths per path.
+//! Path tracing with four wavelengths per path: progressive passes over tiles of a film, and the path tracer
+//! for a sheet with a scattering function. Direct light is combined with sampled scattering by the power
+//! heuristic (Veach 1997, 9.2); Russian roulette and the cut of long paths are in `roulette.rs`.
 
 use crate::camera::Camera;
-use crate::course::{Course, CutSums};
 use crate::film::{Film, PixelSums, Sample};
 use crate::numbers::PathNumbers;
-use crate::props::Matte;
-use crate::scene::{Meeting, Scene, SurfacePoint};
+use crate::roulette::{CutSums, RouletteState};
+use crate::scene::{Scene, SceneHit, SurfacePoint};
 use crate::spectrum::{Light4, lambda_at, xyz};
+use crate::surface::props::Matte;
 use crate::{RenderError, Surface, WAVELENGTHS};
 use glam::Vec3;
 use plywave::math::hash::{GAMMA, mix64};
@@ -17,10 +19,10 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Side of a tile [pixels].
 const TILE: u32 = 16;
-/// Share of the width of a scattered path's cone that counts as its footprint.
+/// Width of a scattered path's footprint cone relative to the cone that its sampling density stands for.
 const SPREAD: f32 = 0.1;
 
-/// Sizes of a render.
+/// Number of samples, depth and seed of a render.
 #[derive(Clone, Copy, Debug)]
 pub struct RenderOptions {
     /// Total samples per pixel.
@@ -31,39 +33,40 @@ pub struct RenderOptions {
     pub seed: u64,
 }
 
-/// Position and sums of a pixel.
+/// Position of a pixel and the sums of its new samples.
 type Pixel = (u32, u32, PixelSums);
 
-/// Result of a path.
+/// Result of tracing a path: its light, the data of its first hit, and the sums for cuts.
 pub(crate) struct Traced {
     /// Radiance, by wavelength.
     pub light: Light4,
     /// Albedo of the first hit.
     pub albedo: Light4,
-    /// Normal towards the camera and distance of the first hit.
+    /// Unit normal on the camera's side and distance [mm] of the first hit.
     pub hit: Option<([f32; 3], f32)>,
-    /// Sums for the light that cuts omit.
+    /// Sums that estimate the light that cuts omit.
     pub cut: CutSums,
 }
 
-/// Scene that paths are traced in.
+/// A scene through which paths are traced.
 pub(crate) trait Tracer: Sync {
-    /// Whether the samples of a pixel have evenly spread numbers.
+    /// Whether the samples of a pixel share one low-discrepancy sequence.
     const EVEN: bool = true;
 
-    /// Light along a ray from the camera: origin, unit direction, width of a pixel at unit distance.
+    /// Traces the light along a ray from the camera: its origin [mm], its unit direction, and the width of a
+    /// pixel at unit distance.
     fn trace(&self, options: &RenderOptions, ray: (Vec3, Vec3, f32), lambda: Light4, rng: &mut PathNumbers) -> Traced;
 }
 
-/// A scene whose sheet has a surface.
+/// A scene whose sheet has a scattering function.
 struct Sheet<'a, S> {
     scene: &'a Scene,
     surface: &'a S,
 }
 
-/// Adds samples to a film in passes until it has `options.samples` per pixel. `after` is called after each
-/// pass with the samples done and may write the film. Tiles run on the current rayon pool. The picture does
-/// not depend on the number of threads or on interruptions.
+/// Adds samples to a film in passes until each pixel has `options.samples`. After each pass, `after` receives
+/// the film and may write it. Tiles run on the current rayon pool. The picture does not depend on the number
+/// of threads or on interruptions.
 ///
 /// # Errors
 /// [`RenderError::Stopped`] when `stop` was set, and the errors of `after`.
@@ -79,7 +82,7 @@ pub fn render<S: Surface>(
     render_by(&Sheet { scene, surface }, camera, film, options, stop, after)
 }
 
-/// As [`render`], for any tracer.
+/// Renders like [`render`], with any tracer.
 pub(crate) fn render_by(
     tracer: &impl Tracer,
     camera: &Camera,
@@ -93,7 +96,7 @@ pub(crate) fn render_by(
     let tiles = across * height.div_ceil(TILE);
     while film.samples() < options.samples {
         let first = film.samples();
-        // Passes grow, so that the first picture is early and late ones cost little.
+        // Passes grow: the first picture appears early, and later passes cost little overhead.
         let count = (first / 2).clamp(1, 16).min(options.samples - first);
         let own: Vec<u32> = (0..tiles).filter(|tile| film.has_tile(*tile)).collect();
         let done: Vec<Option<Vec<Pixel>>> = own
@@ -128,7 +131,7 @@ pub(crate) fn render_by(
     Ok(())
 }
 
-/// One sample of a pixel.
+/// Traces one sample of a pixel.
 fn pixel<T: Tracer>(
     tracer: &T,
     camera: &Camera,
@@ -145,7 +148,8 @@ fn pixel<T: Tracer>(
     let lambda: Light4 = std::array::from_fn(|k| lambda_at((first + k as f32 / WAVELENGTHS as f32).fract()));
     let (origin, direction) = camera.ray(px, py, width, height);
     let width_per_mm = camera.pixel_width(height);
-    // First hits use no random numbers, so the light does not depend on them.
+    // The tracer draws no random numbers before the first hit, so the first hit does not change the random
+    // numbers of the light.
     let Traced { light, albedo, hit, cut } = tracer.trace(options, (origin, direction, width_per_mm), lambda, &mut rng);
     let hit = hit.map(|(normal, t)| (normal, camera.depth(direction, t)));
     Sample { light: xyz(lambda, light), albedo: xyz(lambda, albedo), hit, cut }
@@ -161,7 +165,7 @@ impl<S: Surface> Tracer for Sheet<'_, S> {
     }
 }
 
-/// Light along a ray.
+/// Light along a ray; `width_per_mm` is the width of its footprint per unit of distance.
 fn trace<S: Surface>(
     scene: &Scene,
     surface: &S,
@@ -170,47 +174,47 @@ fn trace<S: Surface>(
     lambda: Light4,
     rng: &mut PathNumbers,
 ) -> Traced {
-    // Width of the path's footprint [mm]; it grows with the distance.
+    // Width of the path's footprint [mm], which grows with the distance travelled.
     let mut width = 0.0;
     let mut hit = None;
     let (mut light, mut albedo, mut throughput) = ([0.0; WAVELENGTHS], [0.0; WAVELENGTHS], [1.0f32; WAVELENGTHS]);
-    // Density with which the direction was drawn; the camera's counts as certain.
+    // Density [1/sr] of sampling the current direction; the camera's direction counts as certain.
     let mut pdf = f32::INFINITY;
-    let mut course = Course::new(options.depth);
-    // How many sources the last point drew from.
+    let mut roulette = RouletteState::new(options.depth);
+    // Number of sources that the last scattering point sampled.
     let mut draws = 1;
     loop {
-        let meeting = scene.first(origin, direction);
-        // Lamps and the sky, if nothing occludes them.
-        let reach = meeting.map_or(f32::INFINITY, |m| m.point().t);
-        if let Some(source) = scene.sources().met(origin, direction, reach, lambda) {
-            let weight = scene.sampling.of_met(pdf, source.pdf * draws as f32);
+        let scene_hit = scene.first(origin, direction);
+        // Add the lamp or sky that the ray hits, if no surface occludes it.
+        let reach = scene_hit.map_or(f32::INFINITY, |m| m.point().t);
+        if let Some(source) = scene.sources().hit(origin, direction, reach, lambda) {
+            let weight = scene.sampling.weight_of_hit(pdf, source.pdf * draws as f32);
             for k in 0..WAVELENGTHS {
                 light[k] += throughput[k] * weight * source.radiance[k];
             }
             break;
         }
-        let Some(meeting) = meeting else { break };
-        let point = *meeting.point();
+        let Some(scene_hit) = scene_hit else { break };
+        let point = *scene_hit.point();
         width += width_per_mm * point.t;
-        draws = scene.sources().draws(course.depth());
-        let goes_on = course.goes_on(&throughput, &light, rng);
-        let (seen, next) = match meeting {
-            Meeting::Sheet(_) => {
+        draws = scene.sources().draws(roulette.depth());
+        let goes_on = roulette.goes_on(&throughput, &light, rng);
+        let (hit_albedo, next) = match scene_hit {
+            SceneHit::Sheet(_) => {
                 let wo = point.frame.local(-direction);
-                // The geometric mean of the axes of the footprint's ellipse on the cloth.
+                // Footprint on the cloth: the geometric mean of the axes of its ellipse.
                 let footprint_mm = width / wo[2].abs().max(0.01).sqrt();
                 let at = surface.at(point.uv_um, 1000.0 * footprint_mm, wo, lambda);
                 (at.albedo(), scatter(scene, &point, &at, goes_on, draws, (lambda, throughput), rng, &mut light))
             }
-            Meeting::Prop(_, albedo) => {
+            SceneHit::Prop(_, albedo) => {
                 let at = Matte(albedo);
                 let next = scatter(scene, &point, &at, goes_on, draws, (lambda, throughput), rng, &mut light);
                 (Bsdf::<WAVELENGTHS>::albedo(&at), next)
             }
         };
-        if course.depth() == 0 {
-            albedo = seen;
+        if roulette.depth() == 0 {
+            albedo = hit_albedo;
             let normal = point.frame.axes[2];
             let to_camera = if normal.dot(direction) > 0.0 { -normal } else { normal };
             hit = Some((to_camera.to_array(), point.t));
@@ -221,8 +225,8 @@ fn trace<S: Surface>(
                     throughput[k] *= sample.weight[k];
                 }
                 pdf = sample.pdf;
-                // A direction of this density represents a cone of the solid angle 1 / density; the footprint
-                // is a share of it.
+                // A direction of density p stands for a cone of solid angle 1 / p; the footprint grows by a
+                // share of that cone's width.
                 width_per_mm += SPREAD * (1.0 / pdf.max(1e-3)).sqrt();
                 direction = point.frame.world(sample.w).normalize_or_zero();
                 if direction == Vec3::ZERO || pdf <= 0.0 {
@@ -238,15 +242,16 @@ fn trace<S: Surface>(
             BsdfSample::Absorbed => break,
         }
         origin = leave(&point, direction);
-        if !course.survives(&mut throughput, rng) {
+        if !roulette.survives(&mut throughput, rng) {
             break;
         }
     }
-    let (light, cut) = course.end(light, lambda, hit.is_some());
+    let (light, cut) = roulette.end(light, lambda, hit.is_some());
     Traced { light, albedo, hit, cut }
 }
 
-/// Light from the sources at a point, and the continuation of the path, if any.
+/// Adds direct light at a scattering point and samples the next direction; the path is absorbed unless
+/// `goes_on`.
 fn scatter(
     scene: &Scene,
     point: &SurfacePoint,
@@ -264,14 +269,14 @@ fn scatter(
     at.sample(rng.random())
 }
 
-/// A starting point off the sheet, on the side that `direction` points to.
+/// Start of a ray that leaves the sheet, offset to the side that `direction` points to.
 pub(crate) fn leave(point: &SurfacePoint, direction: Vec3) -> Vec3 {
     let offset = 1e-5 * (1.0 + point.position.abs().max_element());
     point.position + point.face * offset.copysign(point.face.dot(direction))
 }
 
-/// Direct light from each source, or from one of them ([`Sources::draws`]), weighted against sampling by
-/// scattering.
+/// Adds direct light from each source, or from one of them ([`Sources::draws`]), weighted against sampling of
+/// the scattering function.
 fn direct(
     scene: &Scene,
     point: &SurfacePoint,
@@ -290,7 +295,7 @@ fn direct(
             continue;
         }
         let pdf = source.pdf * draws as f32;
-        let weight = scene.sampling.of_drawn(pdf, own) / pdf.max(1e-30);
+        let weight = scene.sampling.weight_of_sampled(pdf, own) / pdf.max(1e-30);
         for k in 0..WAVELENGTHS {
             light[k] += throughput[k] * f[k] * weight * source.radiance[k];
         }

@@ -1,6 +1,6 @@
-//! Pictures as bytes with metadata: EXR with layers for denoisers, PNG with text.
+//! Encoding of films as files with metadata: EXR with layers for denoisers, PNG with text.
 
-use crate::primaries::Primaries;
+use crate::sky::primaries::Primaries;
 use crate::{Film, FilmView, RenderError};
 use exr::prelude::{
     AnyChannel, AnyChannels, AttributeValue, Encoding, FlatSamples, Image, IntegerBounds, Layer, LayerAttributes,
@@ -24,15 +24,15 @@ pub struct Facts {
     pub seed: u64,
     /// Samples per pixel.
     pub samples: u32,
-    /// Stops by which a PNG is brighter.
+    /// Exposure of a PNG [stops].
     pub exposure: f32,
     /// Share of the light that cuts omit ([`Film::cut_share`]).
     pub cut_share: f64,
 }
 
 impl Facts {
-    /// Names and values: of the PNG's text chunks, and of the EXR's attributes with `plywave.` before the
-    /// name.
+    /// Names and values of the metadata: the PNG's text chunks, and the EXR's attributes with the prefix
+    /// `plywave.`.
     pub fn entries(&self) -> [(&'static str, String); 9] {
         [
             ("Software", self.software.clone()),
@@ -55,10 +55,10 @@ fn text(value: &str) -> Text {
 }
 
 impl Film {
-    /// An OpenEXR file, one part of 32-bit floats: `R G B`, linear sRGB of the light; `albedo.R G B`;
-    /// `normal.X Y Z`, unit, in the scene's axes, turned to the camera; `depth.Z` along the camera's axis
-    /// [mm]; with two or more samples `variance.R G B` ([`Film::variance`]). Normal and depth are 0 where
-    /// nothing is hit. The header has `facts` and the chromaticities.
+    /// Encodes the film as an OpenEXR file, one part of 32-bit floats: `R G B`, linear sRGB of the light;
+    /// `albedo.R G B`; `normal.X Y Z`, unit, in the scene's axes, on the camera's side; `depth.Z` along the
+    /// camera's axis [mm]; with two or more samples `variance.R G B` ([`Film::variance`]). Normal and depth
+    /// are 0 where a pixel hits no object. The header has `facts` and the chromaticities.
     ///
     /// # Errors
     /// [`RenderError::Picture`].
@@ -105,21 +105,21 @@ impl Film {
     }
 }
 
-/// The file with the attributes of its header in the order of their names: the library writes them in the
-/// random order of a hash map. Lengths do not change, so the offsets stay valid.
+/// Sorts the attributes of the header by name, because the library writes them in the random order of a hash
+/// map. Lengths do not change, so the offsets stay valid.
 fn sorted_header(mut file: Vec<u8>) -> Vec<u8> {
-    /// Magic number and version come before the first attribute.
+    /// Length of the magic number and version, which precede the first attribute.
     const START: usize = 8;
     let mut list = Vec::new();
     let mut at = START;
-    // An attribute: name, 0, type, 0, length in 4 bytes, value.
+    // Layout of an attribute: name, 0, type, 0, length in 4 bytes, value.
     while file.get(at).is_some_and(|b| *b != 0) {
         let after = |from: usize| file.get(from..)?.iter().position(|b| *b == 0).map(|n| from + n + 1);
         let end = after(at).and_then(after).and_then(|from| {
             let size = file.get(from..)?.first_chunk::<4>()?;
             Some(from + 4 + u32::from_le_bytes(*size) as usize).filter(|end| *end <= file.len())
         });
-        // An unknown header stays unchanged.
+        // A header of unknown layout stays unchanged.
         let Some(end) = end else { return file };
         list.push(file[at..end].to_vec());
         at = end;
@@ -129,7 +129,7 @@ fn sorted_header(mut file: Vec<u8>) -> Vec<u8> {
     file
 }
 
-/// A PNG in sRGB with `entries` as text (iTXt, UTF-8).
+/// Encodes a PNG in sRGB with `entries` as text chunks (iTXt, UTF-8).
 ///
 /// # Errors
 /// [`RenderError::Picture`].

@@ -1,15 +1,15 @@
-//! A scene: a sheet in a BVH, props, lights, and the hits of rays.
+//! A scene: a sheet of triangles in a BVH, props, lamps and a sky, and the intersections of rays with them.
 
 use crate::light::Sources;
-use crate::mesh::Mesh;
-use crate::props::Prop;
+use crate::surface::mesh::Mesh;
+use crate::surface::props::Prop;
 use crate::{Environment, Light, LightSampling};
 use glam::{Vec3, Vec3A};
 use obvhs::cwbvh::CwBvh;
 use obvhs::ray::{Ray, RayHit};
 use obvhs::triangle::Triangle;
 
-/// Axes of the surface at a point: along u, along v, normal.
+/// Unit axes of the surface at a point: along u, along v, and the normal.
 #[derive(Clone, Copy, Debug)]
 pub struct Frame {
     /// Unit axes.
@@ -17,18 +17,18 @@ pub struct Frame {
 }
 
 impl Frame {
-    /// Components of `v` along the axes.
+    /// Components of `v` along the axes of the frame.
     pub fn local(&self, v: Vec3) -> [f32; 3] {
         self.axes.map(|a| a.dot(v))
     }
 
-    /// The vector of components `v`.
+    /// The vector with the components `v` along the axes of the frame.
     pub fn world(&self, v: [f32; 3]) -> Vec3 {
         self.axes[0] * v[0] + self.axes[1] * v[1] + self.axes[2] * v[2]
     }
 }
 
-/// A hit point on the sheet.
+/// Intersection of a ray with the sheet.
 #[derive(Clone, Copy, Debug)]
 pub struct SurfacePoint {
     /// Distance along the ray [mm].
@@ -43,7 +43,7 @@ pub struct SurfacePoint {
     pub uv_um: [f32; 2],
 }
 
-/// A sheet and its light.
+/// A sheet with its props and light sources.
 pub struct Scene {
     bvh: CwBvh,
     triangles: Vec<Triangle>,
@@ -60,36 +60,36 @@ pub struct Scene {
     pub sampling: LightSampling,
 }
 
-/// Hit of a ray.
+/// First hit of a ray.
 #[derive(Clone, Copy, Debug)]
-pub(crate) enum Meeting {
-    /// The sheet.
+pub(crate) enum SceneHit {
+    /// The ray hits the sheet.
     Sheet(SurfacePoint),
-    /// A prop, and its albedo.
+    /// The ray hits a prop of this albedo.
     Prop(SurfacePoint, f32),
 }
 
-impl Meeting {
+impl SceneHit {
     pub fn point(&self) -> &SurfacePoint {
         match self {
-            Meeting::Sheet(point) | Meeting::Prop(point, _) => point,
+            SceneHit::Sheet(point) | SceneHit::Prop(point, _) => point,
         }
     }
 }
 
-/// A ray for the BVH. Adding 0 turns -0 into 0: the BVH takes a ray's octant once from the sign of its
-/// inverse and once from its own sign.
+/// A ray for the BVH. Adding 0 turns -0 into 0, because the BVH derives a ray's octant from the sign of the
+/// inverse in one place and from the sign of the component in another.
 fn ray(origin: Vec3, direction: Vec3, reach: f32) -> Ray {
     Ray::new(origin.into(), Vec3A::from(direction) + Vec3A::ZERO, 0.0, reach)
 }
 
 impl Scene {
-    /// Builds the BVH.
+    /// Builds the BVH over the triangles of `mesh`.
     pub fn new(mesh: Mesh, lights: Vec<Light>, environment: Environment) -> Scene {
         let v = |i: u32| Vec3A::from(mesh.positions[i as usize]);
         let triangles: Vec<Triangle> =
             mesh.triangles.iter().map(|t| Triangle { v0: v(t[0]), v1: v(t[1]), v2: v(t[2]) }).collect();
-        let bvh = crate::bvh::build(&triangles);
+        let bvh = crate::surface::bvh::build(&triangles);
         let order = &bvh.primitive_indices;
         let corners = order.iter().map(|&i| mesh.triangles[i as usize]).collect();
         let triangles = order.iter().map(|&i| triangles[i as usize]).collect();
@@ -97,8 +97,8 @@ impl Scene {
         Scene { bvh, triangles, corners, mesh, lights, environment, props, sampling }
     }
 
-    /// Makes lamps this many times as wide, about their middles, and as much dimmer as gives a point far from
-    /// them the same light.
+    /// Scales the sides of all lamps by `times` about their centers and their radiance by `1 / times^2`, so
+    /// that a distant point receives the same light.
     pub fn widen_lamps(&mut self, times: f32) {
         for light in &mut self.lights {
             light.corner += 0.5 * (1.0 - times) * (light.edges[0] + light.edges[1]);
@@ -107,7 +107,7 @@ impl Scene {
         }
     }
 
-    /// Lamps and sky.
+    /// Lamps and sky as light sources.
     pub(crate) fn sources(&self) -> Sources<'_> {
         Sources { lights: &self.lights, environment: &self.environment, sampling: self.sampling }
     }
@@ -118,14 +118,14 @@ impl Scene {
         (hit.t < f32::INFINITY).then_some((hit.primitive_id as usize, hit.t))
     }
 
-    /// Whether nothing lies between `origin` and the point `reach` along `direction`.
+    /// Whether no surface occludes the point at distance `reach` along `direction` from `origin`.
     pub fn free(&self, origin: Vec3, direction: Vec3, reach: f32) -> bool {
         self.props.iter().all(|prop| prop.hit(origin, direction).is_none_or(|t| t >= reach))
             && self.bvh.ray_traverse_miss(ray(origin, direction, reach), |ray, i| self.triangles[i].intersect(ray))
     }
 
-    /// First hit of a ray, apart from lights.
-    pub(crate) fn first(&self, origin: Vec3, direction: Vec3) -> Option<Meeting> {
+    /// First hit of a ray with the sheet or a prop; lamps do not count.
+    pub(crate) fn first(&self, origin: Vec3, direction: Vec3) -> Option<SceneHit> {
         let sheet = self.meet(origin, direction);
         let reach = sheet.map_or(f32::INFINITY, |point| point.t);
         let prop = self
@@ -133,15 +133,15 @@ impl Scene {
             .iter()
             .filter_map(|prop| prop.hit(origin, direction).filter(|t| *t < reach).map(|t| (t, prop)))
             .min_by(|a, b| a.0.total_cmp(&b.0));
-        let Some((t, prop)) = prop else { return sheet.map(Meeting::Sheet) };
+        let Some((t, prop)) = prop else { return sheet.map(SceneHit::Sheet) };
         let position = origin + direction * t;
         let face = prop.normal(position);
         let x = face.any_orthonormal_vector();
         let frame = Frame { axes: [x, face.cross(x), face] };
-        Some(Meeting::Prop(SurfacePoint { t, position, frame, face, uv_um: [0.0; 2] }, prop.albedo))
+        Some(SceneHit::Prop(SurfacePoint { t, position, frame, face, uv_um: [0.0; 2] }, prop.albedo))
     }
 
-    /// First hit of a ray on the sheet.
+    /// First hit of a ray with the sheet.
     pub fn meet(&self, origin: Vec3, direction: Vec3) -> Option<SurfacePoint> {
         let (i, t) = self.nearest(origin, direction, f32::INFINITY)?;
         let corners = self.corners[i].map(|c| c as usize);
@@ -165,12 +165,12 @@ impl Scene {
             face = -face;
         }
         let mut normal = normal.normalize_or(face);
-        // Relative to the side of the face that the ray comes from, a shading normal that points away is bent
-        // to the face.
+        // The shading normal must lie on the side of the face from which the ray comes; otherwise the face
+        // normal replaces it.
         if normal.dot(direction) * face.dot(direction) <= 0.0 {
             normal = face;
         }
-        // Direction of growing u on the triangle.
+        // Direction of increasing u on the triangle.
         let [p, q, r] = corners.map(|c| self.mesh.uv_um[c]);
         let (du1, dv1, du2, dv2) = (q[0] - p[0], q[1] - p[1], r[0] - p[0], r[1] - p[1]);
         let determinant = du1 * dv2 - du2 * dv1;

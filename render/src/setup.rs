@@ -1,4 +1,4 @@
-//! Predefined scenes for a cloth.
+//! Predefined scenes for a cloth: mesh, lamps, sky, props and camera.
 
 use crate::{Camera, Environment, Light, Mesh, Prop, Scene, Shape};
 use glam::Vec3;
@@ -57,25 +57,25 @@ impl Setup {
     pub fn scene(self, size_mm: f32, mesh: Option<Mesh>, sky: Option<Environment>) -> (Scene, Camera) {
         let s = size_mm;
         let at = |x: f32, y: f32, z: f32| Vec3::new(x, y, z) * s;
-        // Irradiance pi at the sheet's middle.
+        // A lamp that produces the irradiance pi at the sheet's center.
         let lamp = |place: Vec3, side: f32| {
             let solid_angle = side * side * s * s / place.length_squared();
             Light::facing(place, Vec3::ZERO, side * s, std::f32::consts::PI / solid_angle)
         };
         let dark = || Environment::constant(0.0);
         let dim = || Environment::constant(0.12);
-        // A caller's mesh replaces the setup's, which is then not built.
+        // A mesh from the caller replaces the setup's own, which is then not built.
         let own = mesh.is_none();
         let (made, lights, own_sky) = match self {
-            // The highlight of a mirror would lie beside the picture: yarns shine where they lean, and
-            // elsewhere show their color.
+            // The mirror direction of the lamp lies outside the picture: yarns shine where they tilt towards
+            // it and show their color elsewhere.
             Setup::Front => (own.then(|| Mesh::flat(s)), vec![lamp(at(-1.2, 0.9, 3.2), 0.25)], dark()),
             Setup::Back => (own.then(|| Mesh::flat(s)), vec![lamp(at(0.0, 0.0, -3.0), 0.3)], dark()),
             Setup::Drape => (own.then(|| Mesh::drape(s)), vec![lamp(at(-1.5, -0.9, 1.7), 1.0)], dim()),
             Setup::Folds => (own.then(|| Mesh::folded(s)), vec![lamp(at(1.8, 1.0, 1.6), 0.4)], dim()),
             Setup::Swatch => (
                 own.then(|| Mesh::flat(s * 3.0)),
-                // Small, so that speckle shows.
+                // A small lamp makes speckle visible.
                 vec![lamp(at(1.5, 2.0, 2.4), 0.03)],
                 dark(),
             ),

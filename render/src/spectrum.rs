@@ -1,7 +1,8 @@
 //! Wavelengths of a path, and the color of its light.
 //!
-//! Wavelengths are drawn as often as the illuminant's light shows: a path among ends of the range would
-//! hardly be seen (Radziszewski et al., "An Improved Technique for Full Spectral Rendering", WSCG 2009).
+//! Wavelengths are sampled in proportion to the XYZ response under the illuminant, because wavelengths at
+//! the ends of the range contribute little (Radziszewski et al., "An Improved Technique for Full Spectral
+//! Rendering", WSCG 2009).
 
 use crate::WAVELENGTHS;
 use plywave::color;
@@ -9,23 +10,24 @@ use std::sync::OnceLock;
 
 /// Wavelengths of a picture [um].
 pub const LAMBDA_RANGE_UM: [f32; 2] = [0.38, 0.78];
-/// Nodes of the distribution of wavelengths, one a nanometer.
+/// Number of nodes of the wavelength distribution, one per nanometer.
 const NODES: usize = 401;
-/// Share of wavelengths that are drawn evenly.
+/// Fraction of wavelengths that are sampled uniformly.
 const EVEN: f64 = 0.1;
 
 /// A value at each wavelength of a path.
 pub(crate) type Light4 = [f32; WAVELENGTHS];
 
-/// The share of wavelengths below each node, linear between them.
+/// Cumulative distribution of wavelengths at the nodes, linear between them.
 fn shares() -> &'static [f32; NODES] {
     static SHARES: OnceLock<[f32; NODES]> = OnceLock::new();
     SHARES.get_or_init(|| {
         let [low, high] = LAMBDA_RANGE_UM.map(f64::from);
-        let seen = |at: f64| color::d65_xyz_density(low + (high - low) * at / (NODES - 1) as f64).iter().sum::<f64>();
+        let response =
+            |at: f64| color::d65_xyz_density(low + (high - low) * at / (NODES - 1) as f64).iter().sum::<f64>();
         let mut sums = [0.0f64; NODES];
         for node in 1..NODES {
-            sums[node] = sums[node - 1] + seen(node as f64 - 0.5).max(0.0);
+            sums[node] = sums[node - 1] + response(node as f64 - 0.5).max(0.0);
         }
         let all = sums[NODES - 1];
         let below = |node: usize| EVEN * node as f64 / (NODES - 1) as f64 + (1.0 - EVEN) * sums[node] / all;
@@ -33,7 +35,7 @@ fn shares() -> &'static [f32; NODES] {
     })
 }
 
-/// The wavelength [um] with this share of wavelengths below it.
+/// The wavelength [um] at which the cumulative distribution of wavelengths is `share`.
 pub(crate) fn lambda_at(share: f32) -> f32 {
     let below = shares();
     let node = below.partition_point(|b| *b <= share).clamp(1, NODES - 1);
@@ -42,7 +44,7 @@ pub(crate) fn lambda_at(share: f32) -> f32 {
     low + (high - low) * ((node - 1) as f32 + part) / (NODES - 1) as f32
 }
 
-/// The share of wavelengths below one, and their density there [1/um].
+/// The cumulative distribution of wavelengths and its density [1/um] at a wavelength.
 pub(crate) fn share_below(lambda_um: f32) -> (f32, f32) {
     let (below, [low, high]) = (shares(), LAMBDA_RANGE_UM);
     let at = ((lambda_um - low) / (high - low)).clamp(0.0, 1.0) * (NODES - 1) as f32;
@@ -51,8 +53,8 @@ pub(crate) fn share_below(lambda_um: f32) -> (f32, f32) {
     (below[node] + (at - node as f32) * rise, rise * (NODES - 1) as f32 / (high - low))
 }
 
-/// XYZ of light that has the illuminant's spectrum times `values` at the wavelengths of a path, as
-/// [`lambda_at`] draws them.
+/// XYZ of light whose spectrum is the illuminant's times `values`, given at wavelengths that were sampled by
+/// [`lambda_at`].
 pub(crate) fn xyz<const N: usize>(lambda_um: [f32; N], values: [f32; N]) -> [f32; 3] {
     let mut sum = [0.0; 3];
     for k in 0..N {
@@ -69,7 +71,7 @@ pub(crate) fn xyz<const N: usize>(lambda_um: [f32; N], values: [f32; N]) -> [f32
 mod tests {
     use super::*;
 
-    /// Shares and wavelengths are inverse to each other, and evenly drawn shares give white for a value of 1.
+    /// The distribution and its inverse agree, and a value of 1 at uniformly drawn shares gives white.
     #[test]
     fn wavelengths_are_drawn_by_their_density() {
         let (mut sum, n) = ([0.0f64; 3], 40_000);

@@ -1,10 +1,11 @@
-//! Points of a mesh by their positions on the cloth.
+//! Lookup of the points of a mesh by their positions on the cloth: a grid over the cloth lists the triangles
+//! of each cell.
 
-use crate::mesh::Mesh;
 use crate::scene::Frame;
+use crate::surface::mesh::Mesh;
 use glam::{DVec2, Vec3};
 
-/// Most cells along a side of the grid.
+/// Largest number of cells along a side of the grid.
 const MAX_SIDE: f64 = 1024.0;
 
 /// The triangles of a mesh in a grid over the cloth.
@@ -13,15 +14,15 @@ pub struct UvPlaces<'a> {
     low: DVec2,
     cell_um: DVec2,
     counts: [usize; 2],
-    /// Start of each cell's triangles, and the triangles.
+    /// Start of each cell in `triangles`; `triangles` lists the cells' triangles in order.
     first: Vec<u32>,
     triangles: Vec<u32>,
-    /// Areas of all triangles, of cloth [um2] and in the scene [mm2].
+    /// Total area of all triangles, on the cloth [um2] and in the scene [mm2].
     areas: [f64; 2],
 }
 
 impl<'a> UvPlaces<'a> {
-    /// The grid of a mesh.
+    /// Builds the grid of a mesh.
     pub fn new(mesh: &'a Mesh) -> UvPlaces<'a> {
         let uv = |corner: u32| DVec2::from(mesh.uv_um[corner as usize].map(f64::from));
         let (mut low, mut high) = (DVec2::INFINITY, DVec2::NEG_INFINITY);
@@ -58,7 +59,7 @@ impl<'a> UvPlaces<'a> {
         [0, 1].map(|k| (f[k].max(0.0) as usize).min(self.counts[k] - 1))
     }
 
-    /// Least and largest corner of the cloth on the mesh [um].
+    /// Corners with the smallest and largest coordinates of the cloth on the mesh [um].
     pub fn bounds_um(&self) -> [[f64; 2]; 2] {
         let high = self.low + self.cell_um * DVec2::new(self.counts[0] as f64, self.counts[1] as f64);
         [self.low.to_array(), high.to_array()]
@@ -69,12 +70,12 @@ impl<'a> UvPlaces<'a> {
         self.areas[0]
     }
 
-    /// Micrometers of cloth to a millimeter of the scene, by the areas of all triangles.
+    /// Micrometers of cloth per millimeter of the scene: the root of the ratio of total areas.
     pub fn um_per_mm(&self) -> f64 {
         (self.areas[0] / self.areas[1].max(f64::MIN_POSITIVE)).sqrt()
     }
 
-    /// Whether triangles may have cloth of a rectangle, given by its least and largest corner [um].
+    /// Whether triangles may overlap a rectangle of the cloth, given by its smallest and largest corner [um].
     pub fn covers(&self, [low, high]: [[f64; 2]; 2]) -> bool {
         let [all_low, all_high] = self.bounds_um();
         if (0..2).any(|k| high[k] < all_low[k] || low[k] > all_high[k]) {
@@ -87,8 +88,8 @@ impl<'a> UvPlaces<'a> {
         })
     }
 
-    /// Calls `found` with each point of the mesh that is this position on the cloth [um], and its axes, as of
-    /// [`crate::SurfacePoint`]; a mesh whose texture overlaps itself has several.
+    /// Calls `found` with each point of the mesh at this position on the cloth [um] and its axes, as in
+    /// [`crate::SurfacePoint`]. A mesh with overlapping texture coordinates has several such points.
     pub fn at(&self, uv_um: [f64; 2], mut found: impl FnMut(Vec3, Frame)) {
         let at = DVec2::from(uv_um);
         let [low, high] = self.bounds_um().map(DVec2::from);
@@ -125,13 +126,13 @@ mod tests {
     use super::*;
     use glam::Vec3A;
 
-    /// Points and axes of a folded sheet are those that rays find there.
+    /// Points and axes on a folded sheet equal those of the rays that hit it there.
     #[test]
     fn places_are_those_that_rays_hit() {
         let mesh = Mesh::folded(10.0);
         let places = UvPlaces::new(&mesh);
         let (scene, _) = crate::Setup::Furnace.scene(10.0, Some(mesh.clone()), None);
-        let mut met = 0;
+        let mut hits = 0;
         for i in 0..400 {
             let (x, y) = (0.019 * i as f32 - 3.9, (0.37 * i as f32) % 9.8 - 4.9);
             let Some(hit) = scene.meet(Vec3::new(x, y, 50.0), Vec3::new(0.0, 0.0, -1.0)) else { continue };
@@ -142,9 +143,9 @@ mod tests {
             let (_, frame) = all.iter().find(|(point, _)| near(point)).expect("the point of the ray");
             let off = (0..3).map(|k| Vec3A::from(frame.axes[k] - hit.frame.axes[k]).length()).fold(0.0, f32::max);
             assert!(off < 0.02, "{off}");
-            met += 1;
+            hits += 1;
         }
-        assert!(met > 300, "{met}");
+        assert!(hits > 300, "{hits}");
         let area = 1e4f64 * 1e4;
         assert!((places.cloth_um2() / area - 1.0).abs() < 1e-3, "{}", places.cloth_um2());
         assert!(places.covers([[10.0, 10.0], [20.0, 20.0]]) && !places.covers([[-900.0, 0.0], [-800.0, 1.0]]));

@@ -5,7 +5,8 @@
 
 use criterion::{Criterion, SamplingMode, Throughput, criterion_group, criterion_main};
 use plywave::spec::YarnSpec;
-use plywave_sim::{PlySection, Run, ScrewTracer, SimOptions, TracerKind, simulate};
+use plywave_runs::Run;
+use plywave_sim::{PlySection, ScrewTracer, SimOptions, TracerKind, simulate};
 use std::time::{Duration, Instant};
 
 fn paths_per_second(c: &mut Criterion) {

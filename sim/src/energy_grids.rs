@@ -1,10 +1,11 @@
-//! The grids of one ply's energies (`energies.rs`): axes of r_d and of the shares, bins of lateral positions.
+//! The grids of one ply's energies (`energies.rs`): axes of r_d and of the shares of scattered light, and
+//! bins of lateral positions.
 
 use crate::options::SimOptions;
 use plywave::spec::YarnSpec;
-use plywave::table::TableEnergies;
+use plywave_tables::table::TableEnergies;
 
-/// Bins of lateral positions per standard deviation of the beam, and the largest number of bins.
+/// Number of bins of lateral positions per standard deviation of the beam, and maximum number of bins.
 const BINS_PER_SD: f64 = 16.0;
 const MAX_BINS: f64 = 8192.0;
 /// Steps of r_d, in standard deviations of the beam or of the ridge blurred by it; the error of a spline is
@@ -16,9 +17,10 @@ const PLAIN_STEP_RAD: f64 = 0.07;
 const SHARE_STEP_RAD: f64 = 0.18;
 /// Step of the shares along h, in standard deviations of the beam.
 const SHARE_STEP_SDS: f64 = 1.2;
-/// Largest number of nodes of an axis.
+/// Maximum number of nodes of an axis.
 const MAX_NODES: usize = 1001;
-/// Rays per latitude of r_d over all instances; rays per path in short runs; fewest rays per instance.
+/// Number of rays per latitude of r_d over all instances; rays per path in short runs; minimum number of rays
+/// per instance.
 const RAYS: u64 = 1 << 18;
 const RAYS_A_PATH: u64 = 1;
 const MIN_RAYS: u64 = 1 << 11;
@@ -26,14 +28,14 @@ const MIN_RAYS: u64 = 1 << 11;
 /// Grids of the energies, as refinements of the slices' grids.
 #[derive(Clone, Debug)]
 pub(crate) struct EnergyGrids {
-    /// Latitudes of r_d per latitude of the slices.
+    /// Number of latitudes of r_d per latitude of the slices.
     pub miss_rows: usize,
     pub miss_h_um: Vec<f64>,
-    /// Latitudes of the shares per latitude of the slices.
+    /// Number of latitudes of the shares per latitude of the slices.
     pub share_rows: usize,
     pub share_h_um: Vec<f64>,
     pub bins: PositionBins,
-    /// Rays per instance and latitude.
+    /// Number of rays per instance and latitude.
     pub rays: u64,
 }
 
@@ -58,7 +60,8 @@ impl PositionBins {
         (x.abs() < self.reach_um).then(|| (((x + self.reach_um) / self.width_um()) as usize).min(self.count - 1))
     }
 
-    /// Log density of the beam about `h` at each bin, minus its maximum over the bins that count.
+    /// `[bin]`: density of the beam about `h` over its maximum among the bins for which `counts` is true, at
+    /// most 1.
     pub fn beam(&self, h: f64, sd: f64, counts: impl Fn(usize) -> bool) -> Vec<f64> {
         let log = |b: usize| -0.5 * ((self.center_um(b) - h) / sd).powi(2);
         let top = (0..self.count).filter(|b| counts(*b)).map(log).fold(f64::NEG_INFINITY, f64::max);
@@ -66,18 +69,18 @@ impl PositionBins {
     }
 }
 
-/// Latitudes of the shares per latitude of the slices.
+/// Number of latitudes of the shares per latitude of the slices.
 pub(crate) fn share_rows(options: &SimOptions) -> usize {
     let theta_i = options.theta_i();
     refinement(theta_i[1] - theta_i[0], SHARE_STEP_RAD, theta_i.len())
 }
 
-/// Number of parts into which a step is cut so that each is at most `wanted`, for an axis of `nodes`.
+/// Number of parts of a step such that each is at most `wanted`, for an axis of `nodes`.
 fn refinement(step: f64, wanted: f64, nodes: usize) -> usize {
     ((step / wanted - 1e-9).ceil().max(1.0) as usize).min(((MAX_NODES - 1) / (nodes - 1)).max(1))
 }
 
-/// An axis with each step cut into `parts`.
+/// An axis with each step divided into `parts`.
 fn refined(axis: &[f64], parts: usize) -> Vec<f64> {
     let cells = (axis.len() - 1) * parts;
     let (first, last) = (axis[0], axis[axis.len() - 1]);
@@ -89,7 +92,7 @@ impl EnergyGrids {
         let (sd, radius) = (spec.beam.beam().sd_um(), spec.ply_ring().radius_um);
         let reach_um = h_um[h_um.len() - 1];
         let along_h = |sds: f64| refined(h_um, refinement(h_um[1] - h_um[0], sds * sd, h_um.len()));
-        let k = spec.ply.twist_per_um().abs();
+        let k = spec.ply.twist().rad_per_um().abs();
         let width = (sd * k / (1.0 + (k * radius).powi(2))).hypot(spec.beam.beam().angular_sd_rad());
         let ridge = (1.0f64).atan2(k * radius) - 3.0 * width < theta_i[theta_i.len() - 1];
         let step = if k > 0.0 && ridge { (RIDGE_STEP_SDS * width).min(PLAIN_STEP_RAD) } else { PLAIN_STEP_RAD };
@@ -106,12 +109,13 @@ impl EnergyGrids {
         }
     }
 
-    /// Fractions of the beams at `miss_h_um` that hit no fiber, from the probabilities `met` to hit one.
-    pub fn missed(&self, met: &[f64], sd: f64) -> Vec<f64> {
+    /// Fractions of the beams at `miss_h_um` that hit no fiber, from the probability to hit one, `hits[bin]`,
+    /// and the beam's standard deviation `sd` [um].
+    pub fn missed(&self, hits: &[f64], sd: f64) -> Vec<f64> {
         let density = self.bins.width_um() / (sd * std::f64::consts::TAU.sqrt());
         let of = |h: &f64| {
             let hit: f64 = (0..self.bins.count)
-                .map(|b| met[b] * density * (-0.5 * ((self.bins.center_um(b) - h) / sd).powi(2)).exp())
+                .map(|b| hits[b] * density * (-0.5 * ((self.bins.center_um(b) - h) / sd).powi(2)).exp())
                 .sum();
             (1.0 - hit).clamp(0.0, 1.0)
         };

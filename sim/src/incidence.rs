@@ -1,11 +1,11 @@
-//! Data shared by all shards of one incident latitude.
+//! The incident latitude of a group of shards, with all that its paths depend on besides the geometry.
 
 use crate::energy_grids::EnergyGrids;
 use crate::rays::surface::Surfaces;
 use plywave::spec::GaussianBeam;
-use plywave::table::OutgoingGrid;
+use plywave_tables::table::OutgoingGrid;
 
-/// Data shared by all shards of an incident latitude.
+/// Data shared by all shards of one incident latitude `theta_i` [rad].
 pub(crate) struct Incidence<'a> {
     pub theta_i: f64,
     pub h_um: &'a [f64],
@@ -17,13 +17,13 @@ pub(crate) struct Incidence<'a> {
     pub radius_um: f64,
     /// Whether exit positions are recorded.
     pub record_exits: bool,
-    /// Lateral positions over which the energies are tallied; `None` for whole yarns, whose plies'
-    /// orientations h depends on.
+    /// Grids over which the energies are tallied; `None` for whole yarns, where the valid orientations of the
+    /// plies depend on h.
     pub energies: Option<&'a EnergyGrids>,
 }
 
 impl Incidence<'_> {
-    /// Largest sideways tilt of a ray in the xy plane: 5 standard deviations, at most 1 rad.
+    /// Maximum sideways tilt of a ray in the xy plane [rad]: 5 standard deviations, at most 1 rad.
     pub fn sideways_rad(&self) -> f64 {
         (5.0 * self.beam.angular_sd_rad() / self.theta_i.cos().max(1e-3)).min(1.0)
     }

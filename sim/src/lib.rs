@@ -1,10 +1,9 @@
 //! Simulator of plywave: fiber and ply geometry, path tracing, scattering tables.
 //!
-//! Yarn spec -> cross section ([`PlySection`]) -> tracer ([`ScrewTracer`] or [`MeshTracer`]) -> [`simulate`]
-//! -> `plywave::table::Table`;
-//! a yarn of several plies: [`yarn::yarn_table`]. Single fibers by waves: [`wave`].
-//! Curves of a cloth: [`cloth`]. A cloth of explicit fibers: [`twin`].
-//! For WebAssembly the crate has [`cloth`] and the tracers, and the rest of these is not used.
+//! A yarn spec gives a cross section ([`PlySection`]), which a tracer ([`ScrewTracer`] or [`MeshTracer`])
+//! uses to [`simulate`] a `plywave_tables::table::Table`. [`yarn::yarn_table`] assembles a yarn of several
+//! plies. [`cloth`] makes the curves and the shading tables of a cloth. [`twin`] traces a cloth of explicit
+//! fibers. The WebAssembly build has [`cloth`] and the tracers only.
 
 #![cfg_attr(target_family = "wasm", allow(dead_code))]
 
@@ -20,8 +19,7 @@ mod incidence;
 #[cfg(not(target_family = "wasm"))]
 mod options;
 mod rays;
-#[cfg(not(target_family = "wasm"))]
-pub mod runs;
+pub mod seeds;
 #[cfg(not(target_family = "wasm"))]
 mod shard;
 #[cfg(not(target_family = "wasm"))]
@@ -31,12 +29,10 @@ mod target;
 #[cfg(not(target_family = "wasm"))]
 pub mod twin;
 #[cfg(not(target_family = "wasm"))]
-pub mod wave;
-#[cfg(not(target_family = "wasm"))]
 pub mod yarn;
 
 pub use error::SimError;
-pub use geometry::{FiberSection, Outline, OutlinePoint, PlySection, TriMesh};
+pub use geometry::{FiberSection, Outline, OutlinePoint, PlySection, TriMesh, shape};
 #[cfg(not(target_family = "wasm"))]
 pub use options::{SimOptions, TracerKind};
 pub use rays::{
@@ -44,7 +40,5 @@ pub use rays::{
     RoughDielectric, Scattered, ScrewTracer, Surfaces, Trace, Tracer, WALL_OFFSET_UM, Walk2d, Wall, fresnel,
     trace_path, trace_path_among, walk_2d,
 };
-#[cfg(not(target_family = "wasm"))]
-pub use runs::{Found, PartsFolder, Run};
 #[cfg(not(target_family = "wasm"))]
 pub use simulate::{SimulateJob, simulate, total_paths};

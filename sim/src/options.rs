@@ -1,9 +1,10 @@
-//! Sizes of a simulation, with named presets; keys of the spec override them.
+//! Sizes of a simulation: instances, paths, and the grids of incidence and outgoing directions. There are
+//! named presets; keys of the spec override them.
 
 use plywave::spec::{SimulationSpec, YarnSpec};
 use serde::{Deserialize, Serialize};
 
-/// Which tracer walks the paths.
+/// X.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub enum TracerKind {
     /// The screw march where the geometry allows it, else the mesh.
@@ -22,25 +23,25 @@ pub struct SimOptions {
     pub preset: String,
     /// Seed of geometry and paths.
     pub seed: u64,
-    /// Geometry instances of the ensemble. Every path turns its instance at random, so that 8 instances do
-    /// the work of hundreds of fixed ones (docs/explain/papers.md, departure 8).
+    /// Number of geometry instances of the ensemble. Every path rotates its instance at random, so that 8
+    /// instances replace hundreds of fixed ones (docs/explain/papers/yu_2025.md, departure 8).
     pub instances: u32,
-    /// Paths per incident latitude, shared by all h.
+    /// Number of paths per incident latitude, shared by all h.
     pub paths_per_theta: u64,
-    /// Incident latitudes, odd.
+    /// Number of incident latitudes, odd.
     pub theta_i_nodes: u32,
-    /// Largest incident latitude [rad].
+    /// Maximum incident latitude [rad].
     pub theta_i_max_rad: f64,
-    /// Beam offsets, odd.
+    /// Number of beam offsets, odd.
     pub h_nodes: u32,
-    /// Latitude bins of the outgoing sphere.
+    /// Number of latitude bins of the outgoing sphere.
     pub theta_o_bins: u32,
-    /// Azimuth bins of the outgoing sphere.
+    /// Number of azimuth bins of the outgoing sphere.
     pub phi_o_bins: u32,
-    /// Shards per incident latitude. A shard is the unit of work, and an interruption loses at most the
+    /// Number of shards per incident latitude. A shard is the unit of work; an interruption loses at most the
     /// running shards.
     pub shards: u32,
-    /// Which tracer walks the paths.
+    /// X.
     pub tracer: TracerKind,
     /// Whether to trace the whole yarn of the spec's plies instead of one ply: the brute-force reference of
     /// the model's multi-ply construction.
@@ -82,7 +83,7 @@ impl SimOptions {
         }
     }
 
-    /// Preset that the others are compared with.
+    /// Preset for validation, with which the other presets are compared.
     pub fn reference() -> Self {
         SimOptions {
             preset: "reference".into(),
@@ -130,7 +131,8 @@ impl SimOptions {
         (0..n).map(|m| self.theta_i_max_rad * f64::from(m) / f64::from(n - 1)).collect()
     }
 
-    /// Beam offsets [um], uniform over |h| <= R + d_cut, R the ply's radius (the larger one of an ellipse).
+    /// Beam offsets [um], uniform over |h| <= R + d_cut. R is the ply's radius, or the larger one of an
+    /// ellipse.
     pub fn h_um(&self, spec: &YarnSpec) -> Vec<f64> {
         let radius = spec.ply.radius_um.or(spec.ply.radii_um.map(|r| r[0].max(r[1]))).unwrap_or(0.0);
         let reach = radius + spec.beam.beam().d_cut_um;

@@ -6,34 +6,34 @@
 //! for certain; its share is the Gaussian's tail.
 //!
 //! For a single ply, shards also record where light leaves it and where rays hit it, for the model of a yarn
-//! ([`plywave::table::ExitPositions`]).
+//! ([`plywave_tables::table::ExitPositions`]).
 
 use crate::incidence::Incidence;
 use crate::rays::path::PathEnd;
-use crate::runs::{ArrayLayout, Part, Values};
 use crate::target::{Target, ray};
 use nalgebra::Vector3;
+use plywave_runs::{ArrayLayout, Part, Values};
 use rand::{Rng, RngExt};
 use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Paths between two checks of the stop flag.
 const BATCH: u64 = 4096;
-/// Standard deviations beyond which a beam's density counts as 0; the mass beyond is 8e-11.
+/// Number of standard deviations beyond which a beam's density counts as 0; the mass beyond is 8e-11.
 const BEAM_SDS: f64 = 6.5;
 
-/// Azimuths of exit positions: 10 degrees each.
+/// Number of azimuth bins of exit positions, 10 degrees each.
 pub(crate) const EXIT_AZIMUTHS: usize = 36;
-/// Bins of lateral positions at which light leaves.
+/// Number of bins of lateral positions at which light leaves.
 pub(crate) const EXIT_POSITIONS: usize = 16;
-/// Bins of lateral positions at which rays hit the ply.
-pub(crate) const MET_POSITIONS: usize = 64;
+/// Number of bins of lateral positions at which rays hit the ply.
+pub(crate) const HIT_POSITIONS: usize = 64;
 
 /// Sums over the paths of one or more shards. Densities are not yet divided by solid angle and path count.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) struct Sums {
+pub(crate) struct TableSums {
     /// `[bin][h][1 + sigma]`: reflection-only weight, then high-order weight for each sigma.
     pub bins: Vec<f32>,
-    /// `[h][1 + sigma]`: the same over all bins.
+    /// `[h][1 + sigma]`: sum of `bins` over all bins.
     pub energy: Vec<f64>,
     /// `[h][1 + sigma]`: sum of weight^2 / solid angle.
     pub noise: Vec<f64>,
@@ -48,12 +48,13 @@ pub(crate) struct Sums {
     pub counts: [f64; 3],
     /// `[azimuth][position][h][1 + sigma]`: weight by exit position; empty when not recorded.
     pub exit: Vec<f64>,
-    /// `[2][x]`: paths through a lateral position, and those of them that hit a fiber; empty when not
-    /// recorded.
-    pub met: Vec<f64>,
+    /// `[2][x]`: number of paths through a lateral position, then number of those that hit a fiber; empty
+    /// when not recorded. The array `met` of a part.
+    pub hits: Vec<f64>,
     /// `[row][bin]`: probability to hit a fiber by lateral position, at each fine latitude, summed over
-    /// instances. This field and the next two are empty where energies are not tallied.
-    pub miss_met: Vec<f64>,
+    /// instances. This field and the next two are empty if energies are not tallied. The array `miss_met` of
+    /// a part.
+    pub miss_hits: Vec<f64>,
     /// `[row][h]`: square of the missed share, summed over instances.
     pub miss_squares: Vec<f64>,
     /// `[row][bin][2 + sigma]`: energies of paths that hit a fiber, by lateral position: killed, reflected,
@@ -61,11 +62,11 @@ pub(crate) struct Sums {
     pub shares: Vec<f64>,
 }
 
-impl Sums {
-    pub fn zero(at: &Incidence<'_>) -> Sums {
+impl TableSums {
+    pub fn zero(at: &Incidence<'_>) -> TableSums {
         let (h, c) = (at.h_um.len(), 1 + at.sigma_per_um.len());
-        let energies = Sums::energies(at);
-        Sums {
+        let energies = TableSums::energies(at);
+        TableSums {
             bins: vec![0.0; at.grid.len() * h * c],
             energy: vec![0.0; h * c],
             noise: vec![0.0; h * c],
@@ -74,8 +75,8 @@ impl Sums {
             variance: vec![0.0; h],
             counts: [0.0; 3],
             exit: vec![0.0; if at.record_exits { EXIT_AZIMUTHS * EXIT_POSITIONS * h * c } else { 0 }],
-            met: vec![0.0; if at.record_exits { 2 * MET_POSITIONS } else { 0 }],
-            miss_met: vec![0.0; energies[0].iter().product()],
+            hits: vec![0.0; if at.record_exits { 2 * HIT_POSITIONS } else { 0 }],
+            miss_hits: vec![0.0; energies[0].iter().product()],
             miss_squares: vec![0.0; energies[1].iter().product()],
             shares: vec![0.0; energies[2].iter().product()],
         }
@@ -93,13 +94,13 @@ impl Sums {
         })
     }
 
-    /// Arrays of the part that holds the sums, by the names and in the order of the fields. Weights are sums
-    /// of densities, squares and tails: never negative.
+    /// Arrays of the part that holds the sums, in the order of the fields. No value is negative, since all
+    /// are sums of densities, squares, tails or counts.
     pub fn layout(at: &Incidence<'_>) -> Vec<ArrayLayout> {
         let (h, c) = (at.h_um.len(), 1 + at.sigma_per_um.len());
-        let (any, energies) = ([0.0, f64::MAX], Sums::energies(at));
+        let (any, energies) = ([0.0, f64::MAX], TableSums::energies(at));
         let exits = if at.record_exits { [EXIT_AZIMUTHS, EXIT_POSITIONS, h, c] } else { [0; 4] };
-        let met = if at.record_exits { [2, MET_POSITIONS] } else { [0; 2] };
+        let hits = if at.record_exits { [2, HIT_POSITIONS] } else { [0; 2] };
         vec![
             ArrayLayout::f32("bins", &[at.grid.len(), h, c], [0.0, f64::from(f32::MAX)]),
             ArrayLayout::f64("energy", &[h, c], any),
@@ -109,7 +110,7 @@ impl Sums {
             ArrayLayout::f64("variance", &[h], any),
             ArrayLayout::f64("counts", &[3], any),
             ArrayLayout::f64("exit", &exits, any),
-            ArrayLayout::f64("met", &met, any),
+            ArrayLayout::f64("met", &hits, any),
             ArrayLayout::f64("miss_met", &energies[0], any),
             ArrayLayout::f64("miss_squares", &energies[1], any),
             ArrayLayout::f64("shares", &energies[2], any),
@@ -118,19 +119,19 @@ impl Sums {
 
     /// The sums as a part.
     pub fn into_part(self) -> Part {
-        let Sums { bins, energy, noise, missed, killed, variance, counts, exit, met, .. } = self;
-        let Sums { miss_met, miss_squares, shares, .. } = self;
+        let TableSums { bins, energy, noise, missed, killed, variance, counts, exit, hits, .. } = self;
+        let TableSums { miss_hits, miss_squares, shares, .. } = self;
         let counts = counts.to_vec();
-        let doubles = [energy, noise, missed, killed, variance, counts, exit, met, miss_met, miss_squares, shares];
+        let doubles = [energy, noise, missed, killed, variance, counts, exit, hits, miss_hits, miss_squares, shares];
         Part::new(std::iter::once(Values::F32(bins)).chain(doubles.into_iter().map(Values::F64)).collect())
     }
 
-    /// Sums from a part of [`Sums::layout`].
-    pub fn from_part(part: &Part) -> Sums {
+    /// The sums of a part with the arrays of [`TableSums::layout`].
+    pub fn from_part(part: &Part) -> TableSums {
         let doubles = |at: usize| part.f64(at).to_vec();
         let mut counts = [0.0; 3];
         counts.iter_mut().zip(part.f64(6)).for_each(|(to, v)| *to = *v);
-        Sums {
+        TableSums {
             bins: part.f32(0).to_vec(),
             energy: doubles(1),
             noise: doubles(2),
@@ -139,34 +140,34 @@ impl Sums {
             variance: doubles(5),
             counts,
             exit: doubles(7),
-            met: doubles(8),
-            miss_met: doubles(9),
+            hits: doubles(8),
+            miss_hits: doubles(9),
             miss_squares: doubles(10),
             shares: doubles(11),
         }
     }
 
-    /// Checks that sums over `paths` paths are possible; the error names the impossible value.
+    /// Checks that sums over `paths` paths are plausible; the error names the impossible value.
     pub fn check(&self, paths: u64) -> Result<(), String> {
         let [drawn, hits, _] = self.counts;
         if drawn != paths as f64 || hits > drawn {
             return Err(format!("{hits} of {drawn} paths met a fiber, expected {paths} paths"));
         }
-        let (drawn, met) = self.met.split_at(self.met.len() / 2);
-        if met.iter().zip(drawn).any(|(met, drawn)| met > drawn) {
+        let (drawn, hits) = self.hits.split_at(self.hits.len() / 2);
+        if hits.iter().zip(drawn).any(|(hits, drawn)| hits > drawn) {
             return Err("more rays met the ply than were drawn".into());
         }
         Ok(())
     }
 }
 
-/// Traces `paths` paths over one ply or yarn and adds them to `sums`. None when stopped.
+/// Traces `paths` paths over one ply or yarn and adds them to `sums`. Returns `None` when stopped.
 pub(crate) fn trace_paths<R: Rng>(
     at: &Incidence<'_>,
     target: &Target<'_>,
     paths: u64,
     rng: &mut R,
-    sums: &mut Sums,
+    sums: &mut TableSums,
     stop: &AtomicBool,
     progress: &(dyn Fn(u64) + Sync),
 ) -> Option<()> {
@@ -174,7 +175,7 @@ pub(crate) fn trace_paths<R: Rng>(
     let sd = at.beam.sd_um();
     let peak = 2.0 * half / (sd * std::f64::consts::TAU.sqrt());
     let (h_count, channels) = (at.h_um.len(), 1 + at.sigma_per_um.len());
-    // A latitude of energies alone has no offsets.
+    // A latitude for energies alone has no offsets.
     let (first_h, inv_dh) = if h_count > 1 { (at.h_um[0], 1.0 / (at.h_um[1] - at.h_um[0])) } else { (0.0, 1.0) };
     let inv_solid_angle: Vec<f64> = (0..at.grid.theta_o).map(|i| 1.0 / at.grid.solid_angle(i)).collect();
     let mut weights = vec![0.0f64; h_count];
@@ -206,13 +207,13 @@ pub(crate) fn trace_paths<R: Rng>(
         let lo = lo.min(hi);
         sums.counts[0] += 1.0;
         if at.record_exits && x.abs() < at.radius_um {
-            let place = ((0.5 * x / at.radius_um + 0.5) * MET_POSITIONS as f64) as usize;
-            sums.met[place.min(MET_POSITIONS - 1)] += 1.0;
+            let place = ((0.5 * x / at.radius_um + 0.5) * HIT_POSITIONS as f64) as usize;
+            sums.hits[place.min(HIT_POSITIONS - 1)] += 1.0;
             if !matches!(end, PathEnd::Miss) {
-                sums.met[MET_POSITIONS + place.min(MET_POSITIONS - 1)] += 1.0;
+                sums.hits[HIT_POSITIONS + place.min(HIT_POSITIONS - 1)] += 1.0;
             }
         }
-        // Instances differ in the drawn width.
+        // The drawn width differs between instances, hence its factor.
         let tally = at.energies.and_then(|e| e.bins.of(x).map(|bin| (bin * (channels + 1), half / e.bins.reach_um)));
         let mut record = |dir: Vector3<f32>, pos: Vector3<f32>, first: usize, absorbed: &[f64], interactions: u32| {
             sums.counts[1] += 1.0;
@@ -262,7 +263,7 @@ pub(crate) fn trace_paths<R: Rng>(
             (lo..hi).for_each(|n| previous[n] += weights[n]);
             continue;
         }
-        // Neighboring strata in pairs: their difference estimates the variance of the stratified total.
+        // The difference of two neighboring strata estimates the variance of the stratified total.
         if i % 2 == 0 {
             previous[lo..hi].copy_from_slice(&weights[lo..hi]);
             reach = (lo, hi);
@@ -273,13 +274,13 @@ pub(crate) fn trace_paths<R: Rng>(
             }
         }
     }
-    // The tail of each beam beyond the drawn width, as a weight of the same scale.
+    // The tail of each beam beyond the drawn width counts as missed, with a weight of the same scale.
     for (n, h) in at.h_um.iter().enumerate() {
         let tail = paths as f64 * (upper_tail((half - h) / sd) + upper_tail((half + h) / sd));
         sums.missed[n] += tail;
         if matches!(target, Target::Yarn(..)) {
-            // Neighbors differ in psi. The mean of the shard's total is known, so its error estimates the
-            // variance.
+            // Neighboring strata differ in psi and cannot be paired. The expected total of the shard is
+            // known, so its error estimates the variance.
             sums.variance[n] += (previous[n] + tail - paths as f64).powi(2);
         }
     }

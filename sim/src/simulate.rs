@@ -1,8 +1,8 @@
-//! The whole simulation: an ensemble of ply instances, every incidence, into a [`Table`] (Yu 2025, 5.1).
+//! The whole simulation: an ensemble of ply instances at every incidence, for a [`Table`] (Yu 2025, 5.1).
 //!
-//! Work is cut into shards of one incident latitude. A shard's random stream and instances depend on the seed
-//! and its number alone, and the shards of a latitude form a group that is summed in their order: the table
-//! does not depend on threads, machines or interruptions.
+//! Work is divided into shards of one incident latitude. A shard's random stream and instances depend on the
+//! seed and its number alone. The shards of a latitude form a group that is summed in their order, so the
+//! table does not depend on threads, machines or interruptions.
 
 use crate::energy_grids::{EnergyGrids, share_rows};
 use crate::error::SimError;
@@ -13,23 +13,23 @@ use crate::rays::mesh_tracer::{MeshResolution, MeshTracer};
 use crate::rays::screw::ScrewTracer;
 use crate::rays::surface::Surfaces;
 use crate::rays::tracer::Tracer;
-use crate::runs::{self, ArrayLayout, Description, Done, Job, Part, Run};
-use crate::shard::{EXIT_AZIMUTHS, EXIT_POSITIONS, MET_POSITIONS, Sums, trace_paths};
+use crate::seeds::{instance_seed, stream};
+use crate::shard::{EXIT_AZIMUTHS, EXIT_POSITIONS, HIT_POSITIONS, TableSums, trace_paths};
 use crate::target::{Target, YarnTwin};
-use plywave::math::hash::SplitMix64;
 use plywave::spec::YarnSpec;
-use plywave::table::{ExitPositions, OutgoingGrid, Table};
+use plywave_runs::RunError;
+use plywave_runs::{self as runs, ArrayLayout, Description, Done, Job, Part, Run, Shards};
+use plywave_tables::table::{ExitPositions, OutgoingGrid, Table};
 use rand::RngExt;
-use rand_pcg::Pcg64Mcg;
 use rayon::prelude::*;
 use std::sync::OnceLock;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// Largest table, in cells of (theta_i, h, 1 + sigma, theta_o, phi_o): 1 GiB of densities.
+/// Maximum size of a table in cells of (theta_i, h, 1 + sigma, theta_o, phi_o): 1 GiB of densities.
 const MAX_CELLS: f64 = 2.7e8;
-/// Marks the streams of the energies' own rays and paths.
+/// Flag of the random streams for the rays and paths of the fine energies.
 const ENERGIES: u64 = 1 << 63;
-/// Largest deviation of an incidence's energies from 1 at which a table is saved.
+/// Maximum deviation of an incidence's energies from 1 at which a table is saved.
 const ENERGY_TOLERANCE: f64 = 0.05;
 
 /// Total number of paths that [`simulate`] reports through `progress`.
@@ -44,9 +44,9 @@ pub fn total_paths(options: &SimOptions) -> u64 {
 /// table. Progress counts paths.
 ///
 /// # Errors
-/// [`SimError::CannotPack`] and the like when the geometry cannot be built, [`SimError::Interrupted`] when
-/// stopped, errors of the parts folder.
-pub fn simulate(spec: &YarnSpec, spec_text: &str, options: &SimOptions, run: Run<'_>) -> Result<Table, SimError> {
+/// Errors of the geometry, such as [`SimError::CannotPack`], [`RunError::Interrupted`] when stopped, and
+/// errors of the parts folder.
+pub fn simulate(spec: &YarnSpec, spec_text: &str, options: &SimOptions, run: Run<'_>) -> Result<Table, RunError> {
     runs::run(&SimulateJob::new(spec, spec_text, options)?, run)
 }
 
@@ -68,7 +68,7 @@ impl SimulateJob {
     /// The job of `spec`, whose text is `spec_text`.
     ///
     /// # Errors
-    /// [`SimError::TooLarge`].
+    /// [`SimError::TooLarge`] for a table above the maximum size.
     pub fn new(spec: &YarnSpec, spec_text: &str, options: &SimOptions) -> Result<SimulateJob, SimError> {
         let (theta_i, h_um) = (options.theta_i(), options.h_um(spec));
         let grid = OutgoingGrid { theta_o: options.theta_o_bins as usize, phi_o: options.phi_o_bins as usize };
@@ -96,17 +96,17 @@ impl SimulateJob {
     /// The job of a description.
     ///
     /// # Errors
-    /// [`SimError::Merge`] and those of the spec.
-    pub(crate) fn from_description(description: &Description) -> Result<SimulateJob, SimError> {
+    /// [`RunError::Merge`] for other options than those of this job, and the errors of the spec.
+    pub fn from_description(description: &Description) -> Result<SimulateJob, RunError> {
         let options: SimOptions = description.parse_options()?;
         let spec = YarnSpec::parse(&description.spec, "the part's spec")?;
-        SimulateJob::new(&spec, &description.spec, &options)
+        Ok(SimulateJob::new(&spec, &description.spec, &options)?)
     }
 
     /// Refuses a run with so few paths that the noise of its energies exceeds the tolerance of a table.
     ///
     /// # Errors
-    /// [`SimError::TooFewPaths`].
+    /// [`SimError::TooFewPaths`] with a number of paths that suffices.
     pub fn check_savable(&self) -> Result<(), SimError> {
         let off =
             |paths: u64| 5.0 * self.standard_error(&SimOptions { paths_per_theta: paths, ..self.options.clone() });
@@ -122,7 +122,7 @@ impl SimulateJob {
         Err(SimError::TooFewPaths { paths, error, least })
     }
 
-    /// Largest standard error of the energies' sum of an incidence: that of the stratified integral of a
+    /// Maximum standard error of the sum of an incidence's energies: that of the stratified integral of a
     /// beam's density over the drawn width.
     fn standard_error(&self, options: &SimOptions) -> f64 {
         let n = instance_paths(options);
@@ -130,7 +130,7 @@ impl SimulateJob {
         let half = self.spec.ply_ring().radius_um;
         let step = 2.0 * half / n as f64;
         let batches = (instances_per_shard(options) * u64::from(options.shards.max(1))) as f64;
-        // Narrow strata: each one's variance is that of a slope, and the sum over them an integral.
+        // For narrow strata, the variance of each is that of a linear function, and their sum is an integral.
         let narrow = (step / sd).powi(3) / (48.0 * std::f64::consts::PI.sqrt());
         if step < 0.5 * sd {
             return (narrow / batches).sqrt();
@@ -164,15 +164,15 @@ impl SimulateJob {
         }
     }
 
-    /// A latitude between those of the slices, `row` of `rows` parts beyond latitude `m`. It has energies but
-    /// no slices.
-    fn between(&self, m: usize, row: usize, rows: usize) -> Incidence<'_> {
+    /// Incidence at a latitude between those of the slices, `row / rows` of a step above latitude `m`.
+    /// It has energies but no slices.
+    fn intermediate(&self, m: usize, row: usize, rows: usize) -> Incidence<'_> {
         let step = self.theta_i[1] - self.theta_i[0];
         let theta_i = self.theta_i[m] + step * row as f64 / rows as f64;
         Incidence { theta_i, h_um: &[], record_exits: false, ..self.incidence(m) }
     }
 
-    /// Number of rows at latitude `m` for `rows` parts of a step: the last latitude has only itself.
+    /// Number of rows at latitude `m` for `rows` parts of a step; 1 at the last latitude.
     fn rows_at(&self, m: usize, rows: usize) -> usize {
         if m + 1 < self.theta_i.len() { rows } else { 1 }
     }
@@ -190,10 +190,7 @@ impl SimulateJob {
     }
 }
 
-impl Job for SimulateJob {
-    type Output = Table;
-    type Merge = Table;
-
+impl Shards for SimulateJob {
     fn description(&self) -> Description {
         Description::new("simulate", &self.options, &self.spec_text)
     }
@@ -212,20 +209,20 @@ impl Job for SimulateJob {
     }
 
     fn layout(&self, _: usize) -> Vec<ArrayLayout> {
-        Sums::layout(&self.incidence(0))
+        TableSums::layout(&self.incidence(0))
     }
 
     fn check(&self, _: usize, count: usize, part: &Part) -> Result<(), String> {
-        Sums::from_part(part).check(shard_paths(&self.options) * count as u64)
+        TableSums::from_part(part).check(shard_paths(&self.options) * count as u64)
     }
 
     fn shard_bytes(&self) -> Option<usize> {
-        // The sums of a lane, and as much again for the sums that wait for their turn.
+        // Each lane holds its own sums and finished sums that wait to be merged.
         Some(self.layout(0).iter().map(|a| a.len() * if a.single { 8 } else { 16 }).sum())
     }
 
-    fn prepare(&self) -> Result<(), SimError> {
-        self.tracers().map(|_| ())
+    fn prepare(&self) -> Result<(), RunError> {
+        Ok(self.tracers().map(|_| ())?)
     }
 
     fn run_shard(
@@ -233,10 +230,10 @@ impl Job for SimulateJob {
         shard: usize,
         stop: &AtomicBool,
         progress: &(dyn Fn(u64) + Sync),
-    ) -> Result<Option<Done>, SimError> {
+    ) -> Result<Option<Done>, RunError> {
         let (m, s) = (shard / self.group(), shard % self.group());
         let (options, tracers, at) = (&self.options, self.tracers()?, self.incidence(m));
-        let mut sums = Sums::zero(&at);
+        let mut sums = TableSums::zero(&at);
         let mut rng = stream(options.seed, [m as u64, s as u64 + 1]);
         let per_shard = instances_per_shard(options);
         for k in 0..per_shard {
@@ -254,8 +251,8 @@ impl Job for SimulateJob {
             // Separate streams, so that the slices' paths do not depend on the energies' grids.
             let mut rng = stream(options.seed, [m as u64, ENERGIES | first as u64]);
             for row in 1..self.rows_at(m, energies.share_rows) {
-                let at = self.between(m, row, energies.share_rows);
-                let mut apart = Sums::zero(&at);
+                let at = self.intermediate(m, row, energies.share_rows);
+                let mut apart = TableSums::zero(&at);
                 trace_paths(&at, &target, paths, &mut rng, &mut apart, stop, progress);
                 if stop.load(Ordering::Relaxed) {
                     return Ok(None);
@@ -265,7 +262,7 @@ impl Job for SimulateJob {
                 to.iter_mut().zip(&apart.shares).for_each(|(to, v)| *to += v);
             }
             for row in 0..self.rows_at(m, energies.miss_rows) {
-                let at = self.between(m, row, energies.miss_rows);
+                let at = self.intermediate(m, row, energies.miss_rows);
                 energies.trace_rays(&at, tracer(0), row, &mut rng, &mut sums);
                 if stop.load(Ordering::Relaxed) {
                     return Ok(None);
@@ -274,6 +271,11 @@ impl Job for SimulateJob {
         }
         Ok(Some(Done { part: sums.into_part(), peak_bytes: 0 }))
     }
+}
+
+impl Job for SimulateJob {
+    type Output = Table;
+    type Merge = Table;
 
     fn begin(&self) -> Table {
         let sigma_per_um = &self.spec.absorption.sigma_per_um;
@@ -287,7 +289,7 @@ impl Job for SimulateJob {
                 azimuths: EXIT_AZIMUTHS,
                 positions: EXIT_POSITIONS,
                 shares: vec![0.0; rows * EXIT_AZIMUTHS * EXIT_POSITIONS],
-                met: vec![0.0; self.theta_i.len() * MET_POSITIONS],
+                met: vec![0.0; self.theta_i.len() * HIT_POSITIONS],
             });
         }
         table
@@ -295,7 +297,7 @@ impl Job for SimulateJob {
 
     fn absorb(&self, table: &mut Table, first: usize, part: Part) {
         let m = first / self.group();
-        let sums = Sums::from_part(&part);
+        let sums = TableSums::from_part(&part);
         fill(table, m, &self.incidence(m), &sums);
         if let (Some(grids), Some(to)) = (&self.energies, &mut table.energies) {
             let runs = (self.group() as u64 * instances_per_shard(&self.options)) as f64;
@@ -304,12 +306,12 @@ impl Job for SimulateJob {
         }
     }
 
-    fn finish(&self, table: Table) -> Result<Table, SimError> {
+    fn finish(&self, table: Table) -> Result<Table, RunError> {
         Ok(table)
     }
 }
 
-/// Paths of one shard over one instance, at least two (one pair of strata).
+/// Number of paths of one shard over one instance: even and at least 2, since strata are paired.
 fn instance_paths(options: &SimOptions) -> u64 {
     let per_shard = options.paths_per_theta.div_ceil(u64::from(options.shards.max(1)));
     per_shard.div_ceil(instances_per_shard(options)).div_ceil(2).max(1) * 2
@@ -321,23 +323,6 @@ fn instances_per_shard(options: &SimOptions) -> u64 {
 
 fn shard_paths(options: &SimOptions) -> u64 {
     instance_paths(options) * instances_per_shard(options)
-}
-
-/// Random stream with a well-mixed 128-bit state from the seed and the stream's place.
-pub(crate) fn stream(seed: u64, place: [u64; 2]) -> Pcg64Mcg {
-    let mut state = SplitMix64(seed);
-    let mut word = |salt: u64| {
-        state.0 ^= salt;
-        state.next_u64()
-    };
-    let hi = word(place[0]);
-    let lo = word(place[1]);
-    Pcg64Mcg::new(u128::from(hi) << 64 | u128::from(lo))
-}
-
-/// Seed of the geometry of instance `i`: distinct for every i and every seed below 2^32.
-pub(crate) fn instance_seed(seed: u64, i: u32) -> u64 {
-    seed.wrapping_mul(0x1_0000_0000).wrapping_add(u64::from(i))
 }
 
 fn tracer_of(spec: &YarnSpec, options: &SimOptions, instance: u32) -> Result<Box<dyn Tracer + Send>, SimError> {
@@ -390,9 +375,9 @@ fn empty_table(
     }
 }
 
-/// Fills the slices of incident latitude `m` from its sums, divided by the paths drawn and the solid angles
-/// only.
-fn fill(table: &mut Table, m: usize, at: &Incidence<'_>, sums: &Sums) {
+/// Fills the slices of incident latitude `m` from its sums, divided by the number of paths and by solid
+/// angles.
+fn fill(table: &mut Table, m: usize, at: &Incidence<'_>, sums: &TableSums) {
     let (hs, ks) = (at.h_um.len(), at.sigma_per_um.len());
     let bins = at.grid.len();
     let channels = 1 + ks;
@@ -431,7 +416,7 @@ fn fill(table: &mut Table, m: usize, at: &Incidence<'_>, sums: &Sums) {
 }
 
 /// Fills the shares of the exit positions and of the rays that hit the ply, at incident latitude `m`.
-fn fill_exits(exit: &mut ExitPositions, m: usize, at: &Incidence<'_>, sums: &Sums) {
+fn fill_exits(exit: &mut ExitPositions, m: usize, at: &Incidence<'_>, sums: &TableSums) {
     let rows = at.h_um.len() * (1 + at.sigma_per_um.len());
     let (azimuths, positions) = (exit.azimuths, exit.positions);
     for row in 0..rows {
@@ -444,8 +429,8 @@ fn fill_exits(exit: &mut ExitPositions, m: usize, at: &Incidence<'_>, sums: &Sum
             }
         }
     }
-    let width = sums.met.len() / 2;
+    let width = sums.hits.len() / 2;
     for x in 0..width {
-        exit.met[m * width + x] = (sums.met[width + x] / sums.met[x].max(1.0)) as f32;
+        exit.met[m * width + x] = (sums.hits[width + x] / sums.hits[x].max(1.0)) as f32;
     }
 }

@@ -1,13 +1,14 @@
-//! Target of a shard's paths: one ply, or the whole yarn of P plies, seen from its ply 0.
+//! Target of a shard's paths: one ply, or the whole yarn of P plies in the frame of its ply 0.
 //!
-//! *One ply.* Each path turns it about z and shifts it along z at random.
+//! *One ply.* It is rotated about z and shifted along z at random for each path.
 //!
-//! *The yarn* (the brute-force reference of the multi-ply model, Yu 2025, 5.3): plies lie parallel on their
-//! circle about the yarn's axis. Ply 0 has its axis in the origin, at the azimuth psi about the yarn's axis.
-//! Every ply is turned and shifted at random on its own, and psi is drawn for each path. For offset h only
-//! those psi count at which the line x = h hits ply 0 first ([`PlyRing::is_valid`]). As one path serves every
-//! h, its weight for h is valid(psi, h)/V(h), V(h) the fraction of psi that is valid. Psi follows the golden
-//! ratio from path to path, which with the stratified lateral position covers the rectangle (x, psi) evenly.
+//! *The yarn* (the brute-force reference of the multi-ply model, Yu 2025, 5.3). Plies lie parallel on their
+//! circle about the yarn's axis. The axis of ply 0 is the origin, at the azimuth psi about the yarn's axis.
+//! Every ply is rotated and shifted at random independently, and psi is drawn for each path. For an offset h,
+//! only those psi are valid at which the line x = h hits ply 0 first ([`PlyRing::is_valid`]). Since one path
+//! serves every h, its weight for h is valid(psi, h)/V(h), where V(h) is the fraction of psi that is valid.
+//! Psi follows the golden ratio from path to path, which together with the stratified lateral position covers
+//! the rectangle (x, psi) uniformly.
 
 use crate::incidence::Incidence;
 use crate::rays::dielectric::sin_cos_turn;
@@ -22,15 +23,15 @@ use std::f64::consts::TAU;
 
 /// Step of psi from path to path, in turns: the golden ratio.
 pub(crate) const GOLDEN: f64 = 0.618_033_988_749_894_9;
-/// Largest number of plies of a yarn.
+/// Maximum number of plies of a yarn.
 const MAX_PLIES: usize = 7;
-/// Stride of the yarn's fiber numbers: a ply has fewer fibers.
+/// Stride of the yarn's fiber numbers from ply to ply; a ply has fewer fibers.
 const FIBERS: u32 = 1 << 16;
 
-/// The yarn's plies and the psi that are valid for each h.
+/// The ring of a yarn's plies with the valid psi for each h.
 pub(crate) struct YarnTwin {
     ring: PlyRing,
-    /// `[h]`: valid ranges of psi, and their share of a turn.
+    /// `[h]`: valid ranges of psi [rad], and their share of a turn.
     valid: Vec<(Vec<(f64, f64)>, f64)>,
 }
 
@@ -47,7 +48,7 @@ impl YarnTwin {
         YarnTwin { ring, valid }
     }
 
-    /// valid(psi, h)/V(h) of every h.
+    /// Fills `shares[h]` with valid(psi, h)/V(h).
     fn shares(&self, psi: f64, shares: &mut [f64]) {
         for (share, (ranges, total)) in shares.iter_mut().zip(&self.valid) {
             let valid = ranges.iter().any(|r| r.0 <= psi && psi < r.1);
@@ -60,14 +61,14 @@ impl YarnTwin {
 pub(crate) enum Target<'a> {
     /// One ply.
     Ply(&'a dyn Tracer),
-    /// The yarn of these plies, one tracer each, and where psi starts in this shard [turns].
+    /// The yarn of these plies, with one tracer each, and the start of psi in this shard [turns].
     Yarn(&'a YarnTwin, Vec<&'a dyn Tracer>, f64),
 }
 
 impl Target<'_> {
     /// Half of the width over which lateral positions are drawn [um]. It covers all rays that can hit the ply
-    /// or yarn with a sideways tilt in the xy plane of up to 5 standard deviations (at most 1 rad), but ends
-    /// where beams end: `beam_sds` standard deviations beyond the last h.
+    /// or yarn with a sideways tilt in the xy plane of up to 5 standard deviations (at most 1 rad), but it
+    /// does not exceed the beams, which end `beam_sds` standard deviations beyond the last h.
     pub fn half_width(&self, at: &Incidence<'_>, beam_sds: f64) -> f64 {
         let tilt = at.sideways_rad();
         match self {
@@ -80,9 +81,9 @@ impl Target<'_> {
         }
     }
 
-    /// Walks path number `i`, whose line passes through (x, 0) at the origin's height in direction `dir`, to
-    /// its end. Directions and positions are in the beam's frame. Returns true when `shares` weights the path
-    /// for each h; else its weight is unchanged.
+    /// Traces path number `i`, whose line passes through (x, 0) at the origin's height in direction `dir`, to
+    /// its end. Directions and positions are in the beam's frame. The flag is true if `shares` has a weight
+    /// of the path for each h; otherwise the weight is unchanged.
     pub fn walk<R: Rng>(
         &self,
         i: u64,
@@ -106,18 +107,18 @@ impl Target<'_> {
     }
 }
 
-/// Direction of a ray of the beam: that of its center plus the divergence.
+/// Random direction of a ray of the beam: that of the beam's center with the divergence added.
 pub(crate) fn ray<R: Rng>(at: &Incidence<'_>, rng: &mut R) -> Vector3<f32> {
     let (sin_i, cos_i) = (at.theta_i as f32).sin_cos();
-    // Propagation of the beam's center, and the transverse axis beside x.
+    // Direction of the beam's center, and the transverse axis perpendicular to x.
     let (forward, across) = (Vector3::new(0.0, -cos_i, -sin_i), Vector3::new(0.0, -sin_i, cos_i));
     let angular_sd = at.beam.angular_sd_rad() as f32;
     let tilt: [f32; 2] = [rng.sample(StandardNormal), rng.sample(StandardNormal)];
     (forward + Vector3::x() * (tilt[0] * angular_sd) + across * (tilt[1] * angular_sd)).normalize()
 }
 
-/// Whether the ray through (x, 0) in direction `dir` hits a fiber of the ply turned by `turn` turns, at a
-/// random height.
+/// Whether the ray through (x, 0) in direction `dir` at a random height hits a fiber of the ply, which is
+/// rotated by `turn` [turns].
 pub(crate) fn hits<R: Rng>(tracer: &dyn Tracer, x: f32, dir: Vector3<f32>, turn: f32, rng: &mut R) -> bool {
     let z = rng.random::<f32>() * tracer.period_um();
     let (sin, cos) = sin_cos_turn(turn);
@@ -128,7 +129,7 @@ pub(crate) fn hits<R: Rng>(tracer: &dyn Tracer, x: f32, dir: Vector3<f32>, turn:
 }
 
 fn walk_ply<R: Rng>(tracer: &dyn Tracer, x: f32, dir: Vector3<f32>, surfaces: &Surfaces, rng: &mut R) -> PathEnd {
-    // Entry into the bounding cylinder of the ray through (x, 0, z) on the beam's waist.
+    // The ray through (x, 0, z) on the beam's waist starts at its entry into the bounding cylinder.
     let z = rng.random::<f32>() * tracer.period_um();
     let (sin, cos) = sin_cos_turn(rng.random::<f32>());
     let turn = |v: Vector3<f32>| Vector3::new(cos * v.x - sin * v.y, sin * v.x + cos * v.y, v.z);
@@ -164,7 +165,8 @@ fn walk_yarn<R: Rng>(
     });
     let yarn = Yarn { placed, plies: ring.plies as usize };
     let (dx, dy) = (f64::from(dir.x), f64::from(dir.y));
-    // Entry into the first bounding cylinder, in f64. At grazing incidence it lies far from the beam's waist.
+    // Entry into the first bounding cylinder, in f64, since it lies far from the beam's waist at grazing
+    // incidence.
     let first = (0..ring.plies)
         .filter_map(|p| {
             let [cx, cy] = ring.center(p, psi);
@@ -183,7 +185,7 @@ fn walk_yarn<R: Rng>(
     trace_path_among(&yarn, surfaces, p, dir, rng)
 }
 
-/// A placed ply: its tracer's frame is turned, moved and shifted.
+/// A placed ply, whose frame is rotated, translated and shifted along z.
 struct Placed<'a> {
     tracer: &'a dyn Tracer,
     center: Vector2<f32>,
@@ -244,7 +246,7 @@ impl Tracer for Yarn<'_> {
         for (p, ply) in self.placed[..self.plies].iter().enumerate() {
             let from = pos.xy() - ply.center;
             let bound = ply.tracer.bound_radius_um();
-            // A ray that starts on a bounding cylinder may be a rounding beyond it.
+            // A ray that starts on a bounding cylinder may lie outside of it by rounding.
             let at = match entry(from, dir, bound) {
                 _ if from.norm_squared() <= bound * bound => 0.0,
                 Some(s) if from.dot(&dir.xy()) < 0.0 => s.max(0.0),
@@ -278,8 +280,8 @@ impl Tracer for Yarn<'_> {
     }
 }
 
-/// Distance along a ray from `q` in the xy plane at which it enters the circle of radius `bound` about the
-/// origin; negative behind it, None when it passes by.
+/// Length along a ray from `q` at which it enters the cylinder of radius `bound` about z, negative if the
+/// entry lies behind `q`; `None` if the ray misses the cylinder.
 fn entry(q: Vector2<f32>, dir: Vector3<f32>, bound: f32) -> Option<f32> {
     let (a, b) = (dir.x * dir.x + dir.y * dir.y, q.x * dir.x + q.y * dir.y);
     let disc = b * b - a * (q.norm_squared() - bound * bound);
@@ -291,10 +293,10 @@ mod tests {
     use super::*;
     use crate::geometry::fiber_section::FiberSection;
     use crate::geometry::section::PlySection;
-    use crate::shard::{EXIT_AZIMUTHS, EXIT_POSITIONS, Sums, trace_paths};
+    use crate::shard::{EXIT_AZIMUTHS, EXIT_POSITIONS, TableSums, trace_paths};
     use crate::{FiberSurface, Outline, RoughDielectric, ScrewTracer};
     use plywave::spec::{GaussianBeam, ply_circle_um};
-    use plywave::table::OutgoingGrid;
+    use plywave_tables::table::OutgoingGrid;
     use rand::SeedableRng;
     use rand_pcg::Pcg64Mcg;
     use std::sync::atomic::AtomicBool;
@@ -351,7 +353,7 @@ mod tests {
         sum / valid
     }
 
-    /// In parallel light at normal incidence, the light that misses a yarn is that which misses its section;
+    /// The share of light that misses a yarn of solid plies follows from the geometry of its section alone;
     /// the beam's divergence of 0.02 rad is negligible.
     #[test]
     fn what_misses_a_yarn_of_solid_plies_is_geometry() {
@@ -364,14 +366,13 @@ mod tests {
             for theta_i in [0.0, 1.0] {
                 let at = incidence(theta_i, &h_um, &walls, false);
                 let target = Target::Yarn(&twin, vec![&tracer; 7], 0.3);
-                let mut sums = Sums::zero(&at);
+                let mut sums = TableSums::zero(&at);
                 let mut rng = Pcg64Mcg::seed_from_u64(9);
                 trace_paths(&at, &target, paths, &mut rng, &mut sums, &AtomicBool::new(false), &|_| {}).unwrap();
                 for (n, h) in h_um.iter().enumerate() {
                     let got = sums.missed[n] / paths as f64;
                     let want = missed(ring, at.beam.sd_um(), *h);
-                    // Some 4000 paths serve a beam; the weights of the valid psi, 1/V, raise the noise of
-                    // their share.
+                    // About 4000 paths serve a beam; the weights 1/V of the valid psi raise the noise.
                     let share = twin.valid[n].1;
                     let tol = 5.0 * (want * (1.0 - want) / share / 4e3).sqrt() + 3e-3;
                     assert!(
@@ -383,14 +384,14 @@ mod tests {
         }
     }
 
-    /// A reflection by a smooth cylinder keeps the line's distance from the axis and its side: light of the
-    /// beam at x leaves at t = x.
+    /// A reflection by a smooth cylinder preserves the signed distance of the line from the axis: light of
+    /// the beam at x leaves at t = x.
     #[test]
     fn reflected_light_leaves_at_its_impact_parameter() {
         let (tracer, walls) = (solid(), walls(0.0));
         let h_um = offsets();
         let at = incidence(0.4, &h_um, &walls, true);
-        let mut sums = Sums::zero(&at);
+        let mut sums = TableSums::zero(&at);
         let mut rng = Pcg64Mcg::seed_from_u64(9);
         let target = Target::Ply(&tracer);
         trace_paths(&at, &target, 50_000, &mut rng, &mut sums, &AtomicBool::new(false), &|_| {}).unwrap();
@@ -401,8 +402,8 @@ mod tests {
                 for (n, h) in h_um.iter().enumerate() {
                     let weight = sums.exit[((a * EXIT_POSITIONS + t) * h_um.len() + n) * 2];
                     light += weight;
-                    // The beam's standard deviation is 2 um, a position is 2.5 um wide, the tilt of the beam
-                    // moves lines by less than 1 um.
+                    // The beam's standard deviation is 2 um, a position is 2.5 um wide, and the tilt of the
+                    // beam moves lines by less than 1 um.
                     let off = (place - h).abs() - 1.25 - 1.0;
                     assert!(weight == 0.0 || off < 6.5 * 2.0, "h {h}: light at {place}");
                 }
@@ -411,8 +412,8 @@ mod tests {
         assert!(light > 0.0);
         let energy: f64 = sums.energy.iter().step_by(2).sum();
         assert!((light / energy - 1.0).abs() < 1e-9, "{light} recorded of {energy}");
-        let (drawn, met) = sums.met.split_at(sums.met.len() / 2);
+        let (drawn, hit) = sums.hits.split_at(sums.hits.len() / 2);
         // Every line through the cylinder hits it, except tilted ones at the rim.
-        assert!(drawn.iter().zip(met).skip(1).take(62).all(|(d, m)| d == m), "{drawn:?} {met:?}");
+        assert!(drawn.iter().zip(hit).skip(1).take(62).all(|(d, m)| d == m), "{drawn:?} {hit:?}");
     }
 }

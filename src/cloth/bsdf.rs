@@ -1,36 +1,39 @@
-//! The cloth at a query (Yu 2025, 7.1): the plies that the line meets, the light that passes them all, and
-//! the light between yarns.
+//! The BSDF of a cloth at a query (Yu 2025, 7.1): evaluation, sampling, density and albedo.
 //!
-//! The line comes near one ply or several, in order; each catches its part of what those before it left. Its
-//! light counts as far as it meets no other yarn on its way out, single reflection from where the line enters
-//! the ply, other light from anywhere across it. What passes all plies is diffracted, at the edge of the ply
-//! that the line meets or by the aperture of the gap. All directions are those of the pattern, which may be
-//! turned about the surface's normal.
+//! The line from the viewer comes near one ply or several, in order; each intercepts a share of the beam that
+//! the plies before it let pass. Direct light is the part of a ply's light that escapes without hitting
+//! another yarn. Single reflection leaves from the point at which the line enters the ply, all other light
+//! from a distribution across it. The light that passes all plies is diffracted, at the edge of the ply that
+//! the line hits or by the aperture of the gap. Light that other yarns intercept returns as inter-yarn
+//! scattering (`light/inter_yarn.rs`). All directions are in the frame of the pattern, which may be rotated
+//! about the surface's normal; `b` is the direction of the light.
 
-use super::between::{BetweenAt, CLASSES_A_KIND, PLY_CLASSES};
-use super::far::{FarAt, SIGMAS, Seen};
-use super::hair_layer::HairsAt;
-use super::query::{to_pattern, to_surface};
-use super::shade::ClothShade;
-use super::shadow::Toward;
 use crate::bsdf::{DirectionSample, Outcomes};
+use crate::cloth::light::absorption::SIGMAS;
+use crate::cloth::light::far::FarAt;
+use crate::cloth::light::far_grid::Seen;
+use crate::cloth::light::hair_layer::HairsAt;
+use crate::cloth::light::inter_yarn::{CLASSES_A_KIND, InterYarnAt, PLY_CLASSES};
+use crate::cloth::shade::shadow_table::Toward;
+use crate::cloth::shade::shadows::ClothShade;
 use crate::frame::is_direction;
+use crate::frame::{to_pattern, to_surface};
 use crate::gap::{GapAt, Opening};
 use crate::math::clamp_unit;
 use crate::ply::{ExitsAt, LobeLight, Prepared, UncachedPly, hit_chance};
 use crate::{Bsdf, BsdfSample};
 
-/// A direction of the cloth's frame in that of a ply.
+/// Transforms a direction from the cloth's frame to a ply's.
 fn to_ply(frame: &[[f32; 3]; 3], w: [f32; 3]) -> [f32; 3] {
     frame.map(|a| a[0] * w[0] + a[1] * w[1] + a[2] * w[2])
 }
 
-/// A direction of a ply's frame in that of the cloth.
+/// Transforms a direction from a ply's frame to the cloth's.
 fn to_cloth(frame: &[[f32; 3]; 3], w: [f32; 3]) -> [f32; 3] {
     std::array::from_fn(|k| frame[0][k] * w[0] + frame[1][k] * w[1] + frame[2][k] * w[2])
 }
 
-/// Plies beside the first that a line meets, of which a query keeps the light.
+/// Largest number of plies behind the first hit whose lobes a query evaluates.
 pub(crate) const MAX_NEAR: usize = 4;
 
 /// A ply near the line.
@@ -40,36 +43,37 @@ pub(crate) struct NearPly<'a, const N: usize> {
     pub frame: [[f32; 3]; 3],
     pub shade: ClothShade<'a>,
     pub exits: ExitsAt,
-    /// Class of a first ply.
+    /// Class of the ply among those that scatter first: see [`crate::cloth::light::inter_yarn::class`].
     pub class: usize,
-    /// Share of the beam that comes to it.
+    /// Share of the beam that reaches the ply.
     pub arrives: f32,
-    /// Share of that which it catches; of plies beside the one that the line meets.
+    /// Share of the arriving light that the ply intercepts; set only for plies behind the first hit.
     pub caught: f32,
-    /// Energy that it scatters of all that could come, and chance that its lobes give a direction.
+    /// Energy that the ply scatters per unit of arriving light, and probability that sampling its lobes
+    /// returns a direction.
     pub energy: [f32; N],
-    pub hit: f32,
-    /// Chance of it.
+    pub hit_chance: f32,
+    /// Probability of sampling this ply.
     pub chance: f32,
 }
 
 impl<const N: usize> NearPly<'_, N> {
-    /// Finds the energies; r_d comes out.
+    /// Computes the energies; returns r_d, the share of the light that passes the ply unscattered.
     pub(crate) fn energies(&mut self, prepared: &Prepared<N>) -> f32 {
         let (energy, r_d) = self.ply.lit_by(&self.ply.kept(prepared)).albedo_r_d();
         self.energy = energy;
-        self.hit = hit_chance(&energy, r_d);
+        self.hit_chance = hit_chance(&energy, r_d);
         r_d
     }
 
-    /// By wavelength, how much of the light through fibers leaves as through clear ones.
+    /// Share, per wavelength, of the light through fibers that leaves with the distribution of clear fibers.
     #[inline]
     fn clear_shares(&self) -> [f32; N] {
         self.ply.query.sigma_per_um.map(ExitsAt::clear_share)
     }
 
-    /// Adds the lobes' light, of which these shares get out: of f_refl, and of f_high from clear and from
-    /// dark fibers.
+    /// Adds the light of the lobes, weighted by the shares that escape: those of f_refl, and those of f_high
+    /// for clear and for dark fibers.
     #[inline]
     fn add_light(&self, free: [f32; 3], clear_shares: &[f32; N], light: &LobeLight<N>, f: &mut [f32; N]) {
         let [refl, clear, dark] = [free[0] * self.arrives, free[1] * self.arrives, free[2] * self.arrives];
@@ -79,9 +83,9 @@ impl<const N: usize> NearPly<'_, N> {
     }
 
     #[inline]
-    fn add(&self, b: [f32; 3], wo: [f32; 3], light: &LobeLight<N>, f: &mut [f32; N], pdf: &mut f32) {
+    fn add(&self, b: [f32; 3], b_ply: [f32; 3], light: &LobeLight<N>, f: &mut [f32; N], pdf: &mut f32) {
         self.add_light(
-            self.shade.toward(&Toward::new(b), self.exits.lines(self.ply.model.exit_shapes(), wo)),
+            self.shade.toward(&Toward::new(b), self.exits.lines(self.ply.model.exit_shapes(), b_ply)),
             &self.clear_shares(),
             light,
             f,
@@ -91,19 +95,19 @@ impl<const N: usize> NearPly<'_, N> {
 
     #[inline]
     fn eval_pdf(&self, prepared: &Prepared<N>, b: [f32; 3], f: &mut [f32; N], pdf: &mut f32) {
-        let wo = to_ply(&self.frame, b);
-        self.add(b, wo, &self.ply.lit_by(&self.ply.kept(prepared)).eval_pdf(self.hit, wo), f, pdf);
+        let b_ply = to_ply(&self.frame, b);
+        self.add(b, b_ply, &self.ply.lit_by(&self.ply.kept(prepared)).eval_pdf(self.hit_chance, b_ply), f, pdf);
     }
 
-    /// Adds f of many directions.
+    /// Adds f for many directions of the light.
     fn add_all(&self, prepared: &Prepared<N>, lights: &[Toward], f: &mut [[f32; N]]) {
-        let kept = self.ply.kept(prepared);
+        let interpolated = self.ply.kept(prepared);
         let shares = self.clear_shares();
         for (toward, f) in lights.iter().zip(f) {
-            let wo = to_ply(&self.frame, toward.b);
-            let light = self.ply.lit_by(&kept).eval_apart(wo);
+            let b_ply = to_ply(&self.frame, toward.b);
+            let light = self.ply.lit_by(&interpolated).eval_apart(b_ply);
             self.add_light(
-                self.shade.toward(toward, self.exits.lines(self.ply.model.exit_shapes(), wo)),
+                self.shade.toward(toward, self.exits.lines(self.ply.model.exit_shapes(), b_ply)),
                 &shares,
                 &light,
                 f,
@@ -113,69 +117,71 @@ impl<const N: usize> NearPly<'_, N> {
 
     #[inline]
     fn pdf(&self, prepared: &Prepared<N>, b: [f32; 3]) -> f32 {
-        self.chance * self.ply.lit_by(&self.ply.kept(prepared)).pdf(self.hit, to_ply(&self.frame, b))
+        self.chance * self.ply.lit_by(&self.ply.kept(prepared)).pdf(self.hit_chance, to_ply(&self.frame, b))
     }
 
     #[inline]
     fn sample(&self, prepared: &Prepared<N>, u: [f32; 3]) -> Option<([f32; 3], LobeLight<N>)> {
-        let (w, light) = self.ply.lit_by(&self.ply.kept(prepared)).sample(self.hit, u)?;
+        let (w, light) = self.ply.lit_by(&self.ply.kept(prepared)).sample(self.hit_chance, u)?;
         Some((to_cloth(&self.frame, w), light))
     }
 }
 
-/// What becomes of the light that passes all plies.
+/// Propagation of the light that passes all plies.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Passes<'a, const N: usize> {
     /// It goes straight on.
     Straight,
-    /// It is diffracted at the edge of the ply that the line meets.
+    /// It is diffracted at the edge of the ply that the line hits.
     Edge,
-    /// It is diffracted by the gap.
+    /// It is diffracted by the aperture of the gap.
     Aperture(GapAt<'a, N>),
 }
 
-/// A direction, and the number and light of the ply whose lobes gave it.
+/// A sampled direction, and the index and light of the ply whose lobes gave it.
 type Drawn<const N: usize> = ([f32; 3], Option<(usize, LobeLight<N>)>);
 
-/// Which part of a cloth's light a sample is of.
+/// Index of the component that a sample belongs to; smaller indices are plies.
 const PASSES: usize = MAX_NEAR;
 const UP: usize = MAX_NEAR + 1;
 const DOWN: usize = MAX_NEAR + 2;
 
-/// Least share of a ply's light that counts as free: in some directions all of it is, and weights are as
-/// large as this is small.
+/// Lower bound on the share of a ply's light that escapes, as sampling weighs it. In some directions all
+/// light escapes, so the weight of a sample can be as large as the inverse of this bound.
 const MIN_FREE: f32 = 0.5;
-/// Chance of light between yarns over its energy. Its samples, by the cosine, lie most where least is in the
-/// shadow and so stand in for those of plies there: more lessens the variance of weights and raises the
-/// largest one of clear cloths.
+/// Factor on the probability of inter-yarn scattering relative to its energy. Its cosine-distributed samples
+/// cover the directions in which few ply samples escape: a larger factor reduces the variance of the weights
+/// and raises the largest weight of clear cloths.
 const FOR_SHADOWS: f32 = 1.35;
 
-/// A cloth at a query, for N wavelengths; of the ply that the line meets the lobes are interpolated once.
+/// A cloth at a query, for N wavelengths. The lobes of the first ply that the line hits are interpolated
+/// once.
 #[derive(Clone, Copy, Debug)]
 pub struct ClothBsdf<'a, const N: usize> {
-    /// The ply that the line meets, its lobes, and the plies that it comes near.
+    /// The first ply that the line hits, its interpolated lobes, and the plies behind it.
     pub(crate) main: Option<NearPly<'a, N>>,
     pub(crate) prepared: Prepared<N>,
     pub(crate) others: [Option<NearPly<'a, N>>; MAX_NEAR],
-    /// The hairs over the cloth.
+    /// The hair layers over the cloth.
     pub(crate) hairs: Option<HairsAt<'a, N>>,
     pub(crate) passes: Passes<'a, N>,
-    /// Energy that passes all plies.
+    /// Share of the beam that passes all plies.
     pub(crate) passing: f32,
-    pub(crate) between: BetweenAt<'a, N>,
-    /// Chances of what passes, and of light between yarns that leaves up and down.
+    pub(crate) inter_yarn: InterYarnAt<'a, N>,
+    /// Probabilities of sampling the light that passes all plies, and inter-yarn scattering upwards and
+    /// downwards.
     pub(crate) chances: [f32; 3],
-    /// Cosine and sine of the pattern's turn.
+    /// Cosine and sine of the pattern's rotation.
     pub(crate) turn: [f32; 2],
     pub(crate) is_double: bool,
-    /// In a gap with diffracted light: its aperture.
+    /// Aperture of the gap, if the line hits no ply and its light is diffracted.
     pub(crate) opening: Option<Opening>,
-    /// The mean over the repeat, and its share; all else has the rest.
+    /// The mean over the cell and its weight; the other components have the remaining weight.
     pub(crate) far: Option<(FarAt<'a, N>, f32)>,
 }
 
 impl<'a, const N: usize> ClothBsdf<'a, N> {
-    /// Before a line meets a ply. Its parts are filled in in their places, since they are large.
+    /// The state before the line hits a ply. The parts are filled in place because they are large.
     #[inline(always)]
     pub(crate) fn empty() -> Self {
         ClothBsdf {
@@ -185,7 +191,7 @@ impl<'a, const N: usize> ClothBsdf<'a, N> {
             hairs: None,
             passes: Passes::Straight,
             passing: 1.0,
-            between: BetweenAt::none([0.0; 3]),
+            inter_yarn: InterYarnAt::none([0.0; 3]),
             chances: [0.0; 3],
             turn: [1.0, 0.0],
             is_double: false,
@@ -194,14 +200,14 @@ impl<'a, const N: usize> ClothBsdf<'a, N> {
         }
     }
 
-    /// Joins the light of a gap, and says what becomes of the light that passes all plies.
+    /// Stores the aperture of a gap, and returns the propagation of the light that passes all plies.
     pub(crate) fn passes_gap(&mut self, light: Option<(Opening, GapAt<'a, N>)>) -> Passes<'a, N> {
         let Some((opening, light)) = light else { return Passes::Straight };
         self.opening = Some(opening);
         Passes::Aperture(light)
     }
 
-    /// Joins the mean over the repeat and its share; whether it is all.
+    /// Stores the mean over the cell with its weight; returns whether the mean is the whole answer.
     pub(crate) fn is_far(&mut self, far: Option<(FarAt<'a, N>, f32)>) -> bool {
         let all = far.as_ref().is_some_and(|(_, share)| *share >= 1.0);
         if far.is_some() {
@@ -215,34 +221,33 @@ impl<'a, const N: usize> ClothBsdf<'a, N> {
 }
 
 impl<const N: usize> ClothBsdf<'_, N> {
-    /// Share of the mean over the repeat in the answer: 0 for a point, 1 for a footprint as large as the
-    /// repeat.
+    /// Weight of the mean over the cell in the answer: 0 for a point, 1 for a footprint as large as the cell.
     pub fn far_share(&self) -> f32 {
         self.far.as_ref().map_or(0.0, |(_, share)| *share)
     }
 
-    /// Whether the point lies in a gap: the line meets no ply. Of no meaning where [`ClothBsdf::far_share`]
-    /// is 1.
+    /// Whether the point lies in a gap: the line hits no ply. The result has no meaning if
+    /// [`ClothBsdf::far_share`] is 1.
     pub fn is_gap(&self) -> bool {
         self.main.is_none()
     }
 
-    /// Whether two layers of yarns lie there.
+    /// Whether the line hits yarns of both kinds, one over the other.
     pub fn is_double(&self) -> bool {
         self.is_double
     }
 
-    /// Sets the chances of all parts.
+    /// Sets the probabilities of sampling all components.
     ///
-    /// Of parts whose light lies apart, chances as the root of the mean square of f over the part's own
-    /// density give weights of the least variance, here that of the sum over channels. Of a ply's light the
-    /// share m is not caught by other yarns. If shadows took as much in every direction, that root would be m
-    /// of its energy, if they took all or nothing, `m^(1/2)`; what is taken is between. (tests/it/cloth.rs
-    /// has the weights.)
+    /// For components whose light does not overlap, probabilities in proportion to the root of the mean
+    /// square of f over the component's own density minimize the variance of the weights, here of their sum
+    /// over channels. Other yarns let the share m of a ply's light escape. That root is m times the ply's
+    /// energy if shadows reduce the light equally in every direction, and `m^(1/2)` times it if they remove
+    /// all or nothing of it; `m^(3/4)` lies between the two. (tests/it/cloth.rs measures the weights.)
     pub(crate) fn set_chances(&mut self) {
         let mean = |x: &[f32; N]| x.iter().sum::<f32>() / N.max(1) as f32;
         let root_mean_square = |x: &[f32; N]| (x.iter().map(|x| x * x).sum::<f32>() / N.max(1) as f32).sqrt();
-        let between = self.between.energy.map(|e| FOR_SHADOWS * root_mean_square(&e));
+        let inter_yarn = self.inter_yarn.energy.map(|e| FOR_SHADOWS * root_mean_square(&e));
         let (mut plies, mut hairs_too) = ([0.0; N], [0.0; N]);
         let mut add = |arrives: f32, energy: &[f32; N]| (0..N).for_each(|k| plies[k] += arrives * energy[k]);
         if let Some(p) = &self.main {
@@ -254,14 +259,14 @@ impl<const N: usize> ClothBsdf<'_, N> {
             hairs.energies().as_flattened().iter().for_each(|energy| (0..N).for_each(|k| hairs_too[k] += energy[k]));
         }
         let direct = root_mean_square(&std::array::from_fn(|k| {
-            let m = (1.0 - self.between.caught[k] / hairs_too[k].max(f32::MIN_POSITIVE)).max(MIN_FREE);
-            // m^(3/4).
+            let m = (1.0 - self.inter_yarn.caught[k] / hairs_too[k].max(f32::MIN_POSITIVE)).max(MIN_FREE);
+            // This is m^(3/4).
             plies[k] * (m * m.sqrt()).sqrt()
         }));
         let passing = if matches!(self.passes, Passes::Straight) { 0.0 } else { self.passing };
-        // Straight light is the rest.
+        // Light that goes straight on has the remaining probability.
         let hairs = self.hairs.as_ref().map_or([0.0; 2], |hairs| hairs.out().map(|out| root_mean_square(&out)));
-        let all = direct + between[0] + between[1] + hairs[0] + hairs[1] + self.passing;
+        let all = direct + inter_yarn[0] + inter_yarn[1] + hairs[0] + hairs[1] + self.passing;
         let per = if all > 0.0 { 1.0 / all } else { 0.0 };
         let plies = mean(&plies);
         let per_ply = if plies > 0.0 { per * direct / plies } else { 0.0 };
@@ -274,10 +279,10 @@ impl<const N: usize> ClothBsdf<'_, N> {
         if let Some(of) = &mut self.hairs {
             of.set_chances(hairs.map(|hairs| per * hairs));
         }
-        self.chances = [per * passing, per * between[0], per * between[1]];
+        self.chances = [per * passing, per * inter_yarn[0], per * inter_yarn[1]];
     }
 
-    /// What passes all plies and is diffracted, with the density of its samples.
+    /// Adds the diffracted light that passes all plies, and the density of its samples.
     #[inline]
     fn passing(&self, b: [f32; 3], f: &mut [f32; N], pdf: &mut f32) {
         if self.chances[0] <= 0.0 {
@@ -296,11 +301,11 @@ impl<const N: usize> ClothBsdf<'_, N> {
         }
     }
 
-    fn between_pdf(&self, b: [f32; 3]) -> f32 {
-        self.between.pdf([self.chances[1], self.chances[2]], b)
+    fn inter_yarn_pdf(&self, b: [f32; 3]) -> f32 {
+        self.inter_yarn.pdf([self.chances[1], self.chances[2]], b)
     }
 
-    /// f and density in a direction of the pattern, of which those of one ply may be known.
+    /// f and density in a direction of the pattern; the light of one ply may be known from its sampling.
     #[inline]
     fn sum(&self, b: [f32; 3], known: Option<(usize, LobeLight<N>)>) -> ([f32; N], f32) {
         let Some((far, share)) = &self.far else { return self.near(b, known) };
@@ -311,10 +316,10 @@ impl<const N: usize> ClothBsdf<'_, N> {
         (f, pdf)
     }
 
-    /// f and density of the point alone.
+    /// f and density without the mean over the cell.
     #[inline]
     fn near(&self, b: [f32; 3], known: Option<(usize, LobeLight<N>)>) -> ([f32; N], f32) {
-        let (mut f, mut pdf) = ([0.0; N], self.between_pdf(b));
+        let (mut f, mut pdf) = ([0.0; N], self.inter_yarn_pdf(b));
         if let Some(ply) = &self.main {
             match &known {
                 Some((0, light)) => ply.add(b, to_ply(&ply.frame, b), light, &mut f, &mut pdf),
@@ -334,13 +339,13 @@ impl<const N: usize> ClothBsdf<'_, N> {
             hairs.add(b, &mut f);
             pdf += hairs.pdf(b);
         }
-        let between = self.between.eval(b);
-        (0..N).for_each(|k| f[k] += between[k]);
+        let inter_yarn = self.inter_yarn.eval(b);
+        (0..N).for_each(|k| f[k] += inter_yarn[k]);
         self.passing(b, &mut f, &mut pdf);
         (f, pdf)
     }
 
-    /// A direction of the pattern, and the light of the ply that gave it.
+    /// Samples a direction of the pattern; returns it with the light of the ply that gave it.
     #[inline]
     fn draw(&self, u: [f32; 3]) -> Option<Drawn<N>> {
         let Some((far, share)) = &self.far else { return self.draw_near(u) };
@@ -384,7 +389,7 @@ impl<const N: usize> ClothBsdf<'_, N> {
             let w = match (PASSES + i, &self.passes, &self.main) {
                 (PASSES, Passes::Aperture(gap), _) => gap.conserved_sample(u)?,
                 (PASSES, Passes::Edge, Some(main)) => to_cloth(&main.frame, main.ply.edge_sample(u)?),
-                (UP | DOWN, ..) => self.between.draw(i - 1, u),
+                (UP | DOWN, ..) => self.inter_yarn.draw(i - 1, u),
                 _ => return None,
             };
             return Some((w, None));
@@ -394,30 +399,30 @@ impl<const N: usize> ClothBsdf<'_, N> {
 }
 
 impl ClothBsdf<'_, SIGMAS> {
-    /// What a view sees of the plies of one kind of yarn towards `lights`, of absorptions at the nodes of the
-    /// mean.
-    pub(crate) fn seen(&self, kind: usize, lights: &[Toward]) -> Seen {
-        let mut seen = Seen {
+    /// f and energies of the plies of one kind of yarn for light from the directions `lights`, at the nodes
+    /// of absorption of the tables of the mean.
+    pub fn seen(&self, kind: usize, lights: &[Toward]) -> Seen {
+        let mut view = Seen {
             f: vec![[0.0; SIGMAS]; lights.len()],
             first: [[0.0; SIGMAS]; PLY_CLASSES],
             passing: self.passing,
             opening: self.opening,
         };
         let mut scatters = |class: usize, arrives: f32, energy: &[f32; SIGMAS]| {
-            (0..SIGMAS).for_each(|k| seen.first[class % CLASSES_A_KIND][k] += arrives * energy[k]);
+            (0..SIGMAS).for_each(|k| view.first[class % CLASSES_A_KIND][k] += arrives * energy[k]);
         };
         let is_of = |class: usize| class / CLASSES_A_KIND == kind;
         if let Some(ply) = self.main.as_ref().filter(|ply| is_of(ply.class)) {
             scatters(ply.class, ply.arrives, &ply.energy);
-            ply.add_all(&self.prepared, lights, &mut seen.f);
+            ply.add_all(&self.prepared, lights, &mut view.f);
         }
         for ply in self.others.iter().flatten().filter(|ply| is_of(ply.class)) {
             scatters(ply.class, ply.arrives, &ply.energy);
             let mut prepared = Prepared::nothing();
             ply.ply.prepare_into(&mut prepared);
-            ply.add_all(&prepared, lights, &mut seen.f);
+            ply.add_all(&prepared, lights, &mut view.f);
         }
-        seen
+        view
     }
 }
 
@@ -434,7 +439,7 @@ impl<const N: usize> Bsdf<N> for ClothBsdf<'_, N> {
         if self.far.is_some() {
             return self.sum(b, None).1;
         }
-        let mut pdf = self.between_pdf(b) + self.hairs.as_ref().map_or(0.0, |hairs| hairs.pdf(b));
+        let mut pdf = self.inter_yarn_pdf(b) + self.hairs.as_ref().map_or(0.0, |hairs| hairs.pdf(b));
         self.passing(b, &mut [0.0; N], &mut pdf);
         pdf += self.main.as_ref().map_or(0.0, |ply| ply.pdf(&self.prepared, b));
         pdf + self.others.iter().flatten().map(|ply| ply.pdf(&Prepared::NOTHING, b)).sum::<f32>()
@@ -461,9 +466,8 @@ impl<const N: usize> Bsdf<N> for ClothBsdf<'_, N> {
         BsdfSample::straight(self.straight(), self.outcomes().straight)
     }
 
-    /// The light that comes back or through, shadows at the mean over directions: what a ply sends out less
-    /// what other yarns catch of it, which is the light between yarns of clear fibers, and the light between
-    /// yarns.
+    /// The light that is reflected or transmitted, with shadows averaged over directions: the energy that
+    /// plies scatter, minus what other yarns intercept of it, plus inter-yarn scattering.
     fn albedo(&self) -> [f32; N] {
         let mut albedo = if matches!(self.passes, Passes::Straight) { [0.0; N] } else { [self.passing; N] };
         let lit = |energy: &[f32; N], arrives: f32, k: usize| arrives * energy[k];
@@ -472,8 +476,9 @@ impl<const N: usize> Bsdf<N> for ClothBsdf<'_, N> {
                 self.hairs.iter().flat_map(|hairs| hairs.energies()).flatten().map(|energy| energy[k]).sum::<f32>()
                     + self.main.iter().map(|p| lit(&p.energy, p.arrives, k)).sum::<f32>()
                     + self.others.iter().flatten().map(|p| lit(&p.energy, p.arrives, k)).sum::<f32>();
-            albedo[k] +=
-                (plies - self.between.caught[k]).max(0.0) + self.between.energy[0][k] + self.between.energy[1][k];
+            albedo[k] += (plies - self.inter_yarn.caught[k]).max(0.0)
+                + self.inter_yarn.energy[0][k]
+                + self.inter_yarn.energy[1][k];
             if let Some((far, share)) = &self.far {
                 albedo[k] += share * (far.albedo(k) - albedo[k]);
             }

@@ -1,29 +1,35 @@
-//! The cloth as a surface that scatters light (Yu 2025, 7.1): the plies that a line hits, the light that
-//! passes them all, and the light between plies.
+//! The cloth as a surface that scatters light (Yu 2025, 7.1): the model of a whole cloth, and the BSDF at a
+//! query.
 //!
-//! The camera ray plays the beam: the query's `wo` is the direction to the viewer, and f(wi), an energy
-//! density per steradian of the light's direction `wi`, holds the cosine at the surface: `radiance to wo =
-//! integral f(wi) radiance from wi d wi`. Averaged over the cell, f over that cosine is symmetric in wo and
-//! wi up to the ply models' own asymmetry, and energy is conserved either way (docs/explain/papers.md:
-//! departures from 7.1).
+//! A line from the viewer is traced through the ply curves. The BSDF at the query is the sum of the light of
+//! the plies that the line hits, the light that passes all of them, and inter-yarn scattering.
+//!
+//! The camera ray plays the part of the paper's incident beam: the query's `wo` is the direction towards the
+//! viewer. f(wi) is an energy density per steradian of the direction `wi` towards the light and includes the
+//! cosine at the surface: `radiance towards wo = integral f(wi) radiance from wi d wi`. Averaged over the
+//! cell, f divided by that cosine is symmetric in wo and wi up to the asymmetry of the ply models, and energy
+//! is conserved either way (docs/explain/papers/yu_2025.md: departures from 7.1).
 
-use super::between::{CLASSES, CLASSES_A_KIND, InterYarn, PLY_CLASSES, class, class_of_hairs};
-use super::bsdf::{ClothBsdf, MAX_NEAR, NearPly, Passes};
-use super::color_of::of_nodes;
-use super::dye::{ColorReach, own_color};
-use super::far::{self, Far, FarAt, FarData, Mixed};
-use super::gap::ClothGaps;
-use super::hair_layer::{HairLayer, HairsAt};
-use super::lines::{ClothLines, LineHit, LineHits};
-use super::plies::{ClothPlies, frame, passes, start};
-use super::query::{ClothOptions, ClothQuery, GapLight, Slits, in_pattern};
-use super::shade::{ClothShade, ClothShadows};
-use super::uneven::Uneven;
-use super::yarn_colors::Dyes;
-use super::{Channels, ClothData, ClothSpec, ColorOf, YarnColor};
+use crate::cloth::bsdf::{ClothBsdf, MAX_NEAR, NearPly, Passes};
+use crate::cloth::color::color_of::Brightness;
+use crate::cloth::color::dye::{ColorReach, own_color};
+use crate::cloth::color::yarn_colors::Dyes;
+use crate::cloth::geometry::lines::{ClothLines, LineHit, LineHits};
+use crate::cloth::geometry::plies::{ClothPlies, frame, passes, start};
+use crate::cloth::geometry::uneven::Uneven;
+use crate::cloth::light::far::{self, Far, FarAt, Mixed};
+use crate::cloth::light::far_grid::FarData;
+use crate::cloth::light::gaps::ClothGaps;
+use crate::cloth::light::hair_layer::{HairLayer, HairsAt};
+use crate::cloth::light::inter_yarn::{CLASSES, CLASSES_A_KIND, InterYarn, PLY_CLASSES, class, class_of_hairs};
+use crate::cloth::query::{ClothOptions, ClothQuery, GapLight, in_pattern};
+use crate::cloth::shade::shadows::{ClothShade, ClothShadows};
+use crate::cloth::yarn_look::Slits;
+use crate::cloth::{Channels, ClothData, ColorOf, YarnColor};
 use crate::color::AlbedoCurve;
-use crate::fiber::Reflections;
 use crate::gap::{Opening, Slit};
+use crate::io::Document;
+use crate::optics::Reflections;
 use crate::ply::PlyPlace;
 use crate::ply::{Prepared, UncachedPly};
 use crate::spec::{GaussianBeam, YarnSpec};
@@ -31,37 +37,36 @@ use crate::{PlyModel, PlyQuery, Result};
 use std::path::Path;
 use std::sync::Arc;
 
-/// Share of a line that is not followed further.
+/// Weight of a line below which it is not followed further, and below which a ply contributes no lobes.
 const MIN_CAUGHT: f32 = 1e-3;
-/// Share of a line below which a ply's light is that of the ply before it.
+/// Weight of a line below which a ply gets no lobes of its own: its energy is added to the ply before it.
 const MIN_OWN: f32 = 0.05;
 
-/// A cloth of curves, ready for shading.
+/// A cloth of ply curves with its tables, prepared for shading.
 #[derive(Clone, Debug)]
 pub struct ClothModel {
-    pub(super) plies: ClothPlies,
-    /// Brightness of the cloth over absorption, and what it is the brightness of.
-    pub(super) curve: AlbedoCurve,
-    /// The curve under a sky all round.
-    pub(super) even_sky: AlbedoCurve,
-    pub(super) color_of: ColorOf,
-    /// By kind, what the reflections of its fibers absorb, if they are opaque, and the colors of its yarns.
-    /// Of a single kind twice.
-    pub(super) metals: [Option<Reflections>; 2],
-    pub(super) colors: [Vec<YarnColor>; 2],
-    pub(super) dyes: Dyes,
-    pub(super) options: ClothOptions,
-    pub(super) shadows: ClothShadows,
-    pub(super) between: InterYarn,
-    /// Of both sides; none without hairs.
-    pub(super) hairs: Option<Arc<HairLayer>>,
-    /// By kind.
-    pub(super) slits: [Option<Slit>; 2],
-    /// Of diffracted light.
-    pub(super) gaps: Option<Arc<ClothGaps>>,
-    /// The mean over the cell.
-    pub(super) far: Option<Arc<Far>>,
-    pub(super) uneven: Arc<Uneven>,
+    pub(crate) plies: ClothPlies,
+    /// Brightness of the cloth as a function of absorption, in the sense that `color_of` names.
+    pub(crate) curve: AlbedoCurve,
+    pub(crate) brightness: Brightness,
+    pub(crate) color_of: ColorOf,
+    /// `[kind]`: reflections of opaque (metal) fibers, `None` for fibers that transmit light; and the colors
+    /// of the yarns. Both entries are equal for a cloth with one kind of yarn.
+    pub(crate) metals: [Option<Reflections>; 2],
+    pub(crate) colors: [Vec<YarnColor>; 2],
+    pub(crate) dyes: Dyes,
+    pub(crate) options: ClothOptions,
+    pub(crate) shadows: ClothShadows,
+    pub(crate) inter_yarn: InterYarn,
+    /// Hair layers of the face and of the back; `None` for a cloth without hairs.
+    pub(crate) hairs: Option<Arc<HairLayer>>,
+    /// `[kind]`: slits between the fibers; `None` if no light passes through any.
+    pub(crate) slits: [Option<Slit>; 2],
+    /// Apertures that diffract the light through the gaps; `None` if that light goes straight on.
+    pub(crate) gaps: Option<Arc<ClothGaps>>,
+    /// Tables of the mean BSDF over the cell; `None` unless the file has them and the options request them.
+    pub(crate) far: Option<Arc<Far>>,
+    pub(crate) uneven: Arc<Uneven>,
 }
 
 impl ClothModel {
@@ -81,13 +86,11 @@ impl ClothModel {
         ClothModel::from_data(ClothData::from_bytes(bytes, name)?, options)
     }
 
-    /// Of the contents of a cloth file. Nothing is traced, but for colors of another light than a sky all
-    /// round: that takes tenths of a second.
+    /// Builds the model from the contents of a cloth file; nothing is traced.
     ///
     /// # Errors
-    /// Those of the spec and of the models in it.
+    /// The errors of the looks of the yarns and of the models in it.
     pub fn from_data(data: ClothData, options: &ClothOptions) -> Result<ClothModel> {
-        let spec = ClothSpec::parse(&data.spec_text, "cloth (its spec)")?;
         let plies = ClothPlies::new(&data.curves, &data.models)?;
         let runs = plies.runs;
         let beams = plies
@@ -99,72 +102,59 @@ impl ClothModel {
             GapLight::Diffracted => Some(Arc::new(ClothGaps::new(&data.curves, &plies.lattice, &beams[0])?)),
             GapLight::Straight => None,
         };
-        let curve = of_nodes(&data.albedo);
-        let yarns = spec.yarns();
+        let curve = data.brightness.curve(data.color_of);
         let kind = |kind: usize| kind.min(plies.kinds - 1);
         let colors = [0, 1].map(|k| {
-            let yarn = yarns.get(kind(k)).or(yarns.first());
-            match (options.sigma_per_um, yarn.and_then(|y| y.srgb), yarn.and_then(|y| y.sigma_per_um)) {
-                (Some(sigma), ..) => vec![YarnColor::Sigma(sigma)],
-                (_, Some(srgb), _) => vec![YarnColor::Srgb(srgb.map(|v| v as f32))],
-                (_, _, Some(sigma)) => vec![YarnColor::Sigma(sigma as f32)],
-                _ if data.colors[kind(k)].is_empty() => vec![YarnColor::Undyed],
-                _ => data.colors[kind(k)].iter().map(|srgb| YarnColor::Srgb(*srgb)).collect(),
-            }
+            let look = data.looks.get(kind(k));
+            let sigma = options.sigma_per_um.map(|sigma| vec![YarnColor::Sigma(sigma)]);
+            sigma.or(look.map(|look| look.colors.clone())).unwrap_or(vec![YarnColor::Undyed])
         });
-        let slit = |k: usize| {
-            let yarn = yarns.get(kind(k)).or(yarns.first());
-            match options.slits_or(yarn.and_then(|yarn| yarn.slits())) {
-                Some(Slits { width_um, share }) => Slit::new(width_um, share, &beams[kind(k)]).map(Some),
-                None => Ok(None),
-            }
+        let slit = |k: usize| match options.slits_or(data.looks.get(kind(k)).and_then(|look| look.slits)) {
+            Some(Slits { width_um, share }) => Slit::new(width_um, share, &beams[kind(k)]).map(Some),
+            None => Ok(None),
         };
         let slits = [slit(0)?, slit(1)?];
-        let uneven = Uneven::new(&spec, &data.curves, &plies.lattice)?;
+        let uneven = Uneven::new(&data.looks, &data.curves, &plies.lattice)?;
         let hairs = data.hairs.filter(|_| options.shadowing && options.layers).map(Arc::new);
         let far = data.far.filter(|_| options.far).map(|far| Far::new(FarData { runs, ..far }, hairs.as_deref()));
         let metals = [own_color(&plies.models[0])?, own_color(&plies.models[kind(1)])?];
-        let cloth = ClothModel {
+        Ok(ClothModel {
             dyes: Dyes::new(&colors, &metals, &curve),
-            even_sky: curve.clone(),
             curve,
-            color_of: ColorOf::EvenSky,
+            color_of: data.color_of,
+            brightness: data.brightness,
             metals,
             colors,
             plies,
             options: *options,
             shadows: data.shadows,
-            between: InterYarn { runs, ..data.between },
+            inter_yarn: InterYarn { runs, ..data.inter_yarn },
             hairs,
             slits,
             gaps,
             uneven: Arc::new(if options.uneven { uneven } else { Uneven::default() }),
             far: far.map(Arc::new),
-        };
-        Ok(match spec.color_of {
-            ColorOf::EvenSky => cloth,
-            of => cloth.meaning(of),
         })
     }
 
-    /// The same cloth whose colors are colors of `of`.
-    fn meaning(mut self, of: ColorOf) -> ClothModel {
+    /// Returns the cloth with its colors interpreted as colors in the sense of `of`.
+    fn interpret_colors_as(mut self, of: ColorOf) -> ClothModel {
         self.curve = self.color_curve_of(of);
         self.color_of = of;
         self.dyes = Dyes::new(&self.colors, &self.metals, &self.curve);
         self
     }
 
-    /// The same cloth with other colors of its kinds of yarns, which are colors of `of`; of a single kind,
-    /// the first. Nothing is traced; where `of` was not the cloth's, it takes tenths of a second.
+    /// Returns the cloth with other colors for its two kinds of yarns, in the sense of `of`. A cloth with one
+    /// kind of yarn uses the first color.
     #[must_use]
     pub fn with_colors(&self, colors: [YarnColor; 2], of: ColorOf) -> ClothModel {
         let mut other = self.clone();
         other.colors = [0, 1].map(|kind: usize| vec![colors[kind.min(self.kinds() - 1)]]);
-        other.meaning(of)
+        other.interpret_colors_as(of)
     }
 
-    /// Its colors in sRGB, each once, and what becomes of them.
+    /// The distinct sRGB colors of the yarns, each with the color that the cloth attains.
     pub fn colors(&self) -> Vec<ColorReach> {
         let mut colors: Vec<[f32; 3]> = Vec::new();
         for color in self.colors.iter().flatten() {
@@ -177,81 +167,92 @@ impl ClothModel {
         colors.into_iter().map(|srgb| ColorReach::from_srgb(srgb, &self.curve)).collect()
     }
 
-    /// Number of kinds of yarns: 2, warp and weft, of a woven cloth, else 1.
+    /// Number of kinds of yarns: 2 (warp and weft) for a woven cloth, 1 otherwise.
     pub fn kinds(&self) -> usize {
         self.plies.kinds
     }
 
-    /// The ply model of a kind of yarn, [in single lines](PlyModel::of_lines); `None` for a kind that it
-    /// does not have.
+    /// The ply model of a kind of yarn, [in single lines](PlyModel::of_lines); `None` if the cloth has no
+    /// such kind.
     pub fn model_of(&self, kind: usize) -> Option<&PlyModel> {
         self.plies.models.get(kind).map(Arc::as_ref)
     }
 
-    /// Whether queries with a footprint get the mean over the cell: it is in the file, and the options ask
-    /// for it.
+    /// Whether queries with a footprint use the mean over the cell: the file has it and the options request
+    /// it.
     pub fn has_far(&self) -> bool {
         self.far.is_some()
     }
 
-    /// The place of the even cloth that shows at a point of its plane [um]: the point itself, but for yarns
-    /// that the spec has as uneven.
+    /// Maps a point of the cloth's plane [um] to the point of the even cloth that appears there. The map is
+    /// the identity unless the spec makes yarns uneven.
     pub fn even_place(&self, at_um: [f32; 2]) -> [f32; 2] {
         self.uneven.place(at_um)
     }
 
-    /// The plies that lines hit.
+    /// The curves of the plies, prepared for intersection with lines.
     pub fn lines(&self) -> &ClothLines {
         &self.plies.lines
     }
 
-    /// Two vectors of the plane after which the cloth repeats [um].
+    /// The two vectors of the plane by which the cloth repeats [um].
     pub fn cell_um(&self) -> [[f64; 2]; 2] {
         self.plies.lattice.cell_um
     }
 
-    /// Bytes of memory, the models apart.
+    /// Memory in bytes, without the ply models.
     pub fn memory_bytes(&self) -> usize {
         size_of::<ClothModel>()
             + self.plies.lines.memory_bytes()
             + self.shadows.memory_bytes()
-            + self.between.memory_bytes()
+            + self.inter_yarn.memory_bytes()
             + self.hairs.as_ref().map_or(0, |hairs| hairs.memory_bytes())
             + self.far.as_ref().map_or(0, |far| far.memory_bytes())
             + self.gaps.as_ref().map_or(0, |gaps| gaps.memory_bytes())
             + self.dyes.memory_bytes()
     }
 
-    /// Brightness of the cloth over the absorption of its fibers, in the meaning of its colors.
+    /// The curves of the plies together with their ply models.
+    pub fn plies(&self) -> &ClothPlies {
+        &self.plies
+    }
+
+    /// As [`ClothModel::color_curve`], for colors in the sense of `of`.
+    pub fn color_curve_of(&self, of: ColorOf) -> AlbedoCurve {
+        self.brightness.curve(of)
+    }
+
+    /// Brightness of the cloth as a function of the absorption of its fibers, in the sense of its own colors.
     pub fn color_curve(&self) -> &AlbedoCurve {
         &self.curve
     }
 
-    /// What its colors are colors of.
+    /// The sense in which the colors of the yarns are meant.
     pub fn color_of(&self) -> ColorOf {
         self.color_of
     }
 
-    /// Absorptions [1/um] with which the cloth has these reflectances, 0 to 1, at wavelengths or in linear
-    /// RGB: [`ClothModel::color_curve`] inverted. What is out of reach is clamped to clear or black fibers.
-    /// Hosts convert a texture once.
+    /// Absorptions [1/um] with which the cloth has these reflectances, 0 to 1, per wavelength or per linear
+    /// RGB channel: the inverse of [`ClothModel::color_curve`]. Reflectances out of range are clamped to
+    /// clear or black fibers. Hosts convert a texture once.
     pub fn sigma_of_reflectance<const N: usize>(&self, reflectance: [f32; N]) -> [f32; N] {
         reflectance.map(|r| self.curve.sigma(f64::from(r)).0 as f32)
     }
 
-    /// Absorption of a yarn [1/um] by its kind and its number, as the curves have them, at wavelengths [um].
+    /// Absorption [1/um] of the yarn with this kind and number, numbered as in the curves, at wavelengths
+    /// [um].
     pub fn yarn_sigma_per_um<const N: usize>(&self, kind: usize, number: i32, lambda_um: [f32; N]) -> [f32; N] {
         self.dyes.of(kind.min(self.plies.kinds - 1), number).at(lambda_um, Channels::Wavelengths)
     }
 
-    /// Absorptions of a kind of yarn, or their mean.
+    /// Absorptions of a kind of yarn: the query's own, or those of the mean color of its yarns.
     #[inline]
     fn sigma<const N: usize>(&self, query: &ClothQuery<'_, N>, kind: usize) -> [f32; N] {
         let kind = kind.min(self.plies.kinds - 1);
         query.sigma_per_um[kind].unwrap_or_else(|| self.dyes.mean(kind).at(query.lambda_um, query.channels))
     }
 
-    /// A point of the plane in the cell at the origin, and its cell.
+    /// Moves a point of the plane into the cell at the origin; returns the point and the cell it came from.
     #[inline]
     fn in_cell(&self, [x, y]: [f32; 2]) -> ([f32; 2], [i32; 2]) {
         let (x, y) = (f64::from(x), f64::from(y));
@@ -261,10 +262,10 @@ impl ClothModel {
         (at.map(|v| v as f32), cell.map(|c| c as i32))
     }
 
-    /// The cloth at a query.
+    /// Evaluates the cloth at a query: traces the line and prepares the BSDF.
     #[inline(always)]
     pub fn at<'a, const N: usize>(&'a self, query: &ClothQuery<'a, N>) -> ClothBsdf<'a, N> {
-        // In its place: it is too large to move.
+        // The result is filled in place because it is too large to move.
         let mut at = ClothBsdf::empty();
         self.fill(query, &mut at);
         at
@@ -286,7 +287,7 @@ impl ClothModel {
         self.plies.lines.hits_while(start(&self.plies.lines, at_um, wo), d, &mut hits, passes);
         let hits = hits.as_slice();
         let mut sigma_per_um = [0, 1].map(|kind| self.sigma(query, kind));
-        // Kinds whose yarns have several colors and of which none was hit.
+        // Kinds with several colors of which no yarn has been hit so far; they use the mean color.
         let mut is_mean = [0, 1].map(|kind| self.dyes.several(kind) && query.sigma_per_um[kind].is_none());
         let mut firsts = [(0, [0.0; N]); MAX_NEAR + 5];
         let mut count = 0;
@@ -324,11 +325,12 @@ impl ClothModel {
                 count += 1;
                 r_d
             } else {
-                let room = at.others.iter().position(Option::is_none);
-                let Some(slot) = room.filter(|room| *room == 0 || arrives > MIN_OWN) else {
-                    // What those beyond these catch, the last of these scatters.
+                let free_slot = at.others.iter().position(Option::is_none);
+                let Some(slot) = free_slot.filter(|free_slot| *free_slot == 0 || arrives > MIN_OWN) else {
+                    // The table of lobes is full or the weight is small: the ply before this one scatters its
+                    // energy.
                     let r_d = model.r_d(theta_i, h_um);
-                    if let Some(last) = &mut at.others[room.unwrap_or(MAX_NEAR) - 1] {
+                    if let Some(last) = &mut at.others[free_slot.unwrap_or(MAX_NEAR) - 1] {
                         let more = 1.0 + arrives * (1.0 - r_d) / (last.arrives * last.caught).max(MIN_CAUGHT);
                         last.arrives *= more;
                         firsts[count - 1].1.iter_mut().for_each(|energy| *energy *= more);
@@ -341,7 +343,7 @@ impl ClothModel {
                 };
                 let mut ply = self.near_ply((hit, class), model.uncached_at(&ply_query), arrives, wo);
                 let r_d = ply.energies(&Prepared::NOTHING);
-                // Of less than this of the line, what rims catch counts as passing.
+                // Energy that a rim intercepts below this threshold counts as passing.
                 if arrives * (1.0 - r_d) < MIN_CAUGHT {
                     continue;
                 }
@@ -356,7 +358,7 @@ impl ClothModel {
                 break;
             }
         }
-        // Hairs have the color of the yarn below.
+        // Hairs have the color of the yarn below them.
         if let Some(layer) = self.hairs.as_deref() {
             let hairs = at.hairs.insert(HairsAt::new(layer, wo, sigma_per_um, at.passing));
             at.passing *= hairs.passes_behind();
@@ -368,7 +370,7 @@ impl ClothModel {
             }
         }
         if count > 0 {
-            at.between = self.between.at(wo, &firsts[..count], sigma_per_um, self.sent());
+            at.inter_yarn = self.inter_yarn.at(wo, &firsts[..count], sigma_per_um, self.sent_factors());
         }
         at.passes = match (&at.main, &self.gaps) {
             (Some(main), _) if self.options.edges && main.ply.model.has_edge() => Passes::Edge,
@@ -378,12 +380,12 @@ impl ClothModel {
         at.set_chances();
     }
 
-    /// Factors on what first plies send up and down.
-    fn sent(&self) -> [f32; 2] {
+    /// Factors on the light that first plies send up and down: 1, or 0 where an option excludes it.
+    fn sent_factors(&self) -> [f32; 2] {
         [self.options.shadowing, self.options.layers].map(|on| f32::from(u8::from(on)))
     }
 
-    /// A ply that the line hits, of light of which the share `arrives` comes to it.
+    /// Prepares a ply that the line hits; `arrives` is the share of the beam that reaches it.
     #[inline(always)]
     fn near_ply<'a, const N: usize>(
         &'a self,
@@ -403,22 +405,23 @@ impl ClothModel {
             arrives,
             caught: 0.0,
             energy: [0.0; N],
-            hit: 0.0,
+            hit_chance: 0.0,
             chance: 0.0,
         }
     }
 
-    /// Number of the yarn that a line of a cell hits.
+    /// Number of the yarn that a line hits; `cell` is the cell that the query's point was moved from.
     fn number(&self, hit: &LineHit, cell: [i32; 2]) -> i32 {
         let yarn = &self.plies.yarns[self.plies.of_curve[hit.curve as usize] as usize];
         let [i, j] = [0, 1].map(|k| hit.cells[k].wrapping_add(cell[k]));
         yarn.number.wrapping_add(yarn.step[0].wrapping_mul(i)).wrapping_add(yarn.step[1].wrapping_mul(j))
     }
 
-    /// The place on a ply of a cell that a line towards `wo` leaves.
+    /// Position on the ply where the line towards the viewer `wo` leaves it, for relief and speckle.
     fn place(&self, hit: &LineHit, cell: [i32; 2], wo: [f32; 3], footprint_um: f32) -> PlyPlace {
         let ply = (self.number(hit, cell) as u32).wrapping_mul(64).wrapping_add(hit.curve);
-        // From the axis over the curve, towards the cloth's face.
+        // Azimuth of the viewer about the axis, from the direction towards the face of the cloth; it includes
+        // the twist.
         let [x, y, z] = hit.tangent;
         let (up, across) = (wo[2] - z * (wo[0] * x + wo[1] * y + wo[2] * z), y * wo[0] - x * wo[1]);
         let azimuth = across.atan2(up) - self.plies.twist[hit.curve as usize] * hit.parameter;
@@ -427,8 +430,8 @@ impl ClothModel {
         PlyPlace { ply, azimuth, along_um: step * hit.parameter + (a * i + b * j), footprint_um }
     }
 
-    /// The mean over the cell where a query asks for it, seen from `wo` in the pattern's frame, and its
-    /// share.
+    /// The mean over the cell, seen from the viewer `wo` in the pattern's frame, and its weight in the
+    /// answer; `None` if the query does not use it.
     fn far_at<'a, const N: usize>(&'a self, query: &ClothQuery<'a, N>, wo: [f32; 3]) -> Option<(FarAt<'a, N>, f32)> {
         let far = self.far.as_deref()?;
         let longest = self.lines().cell().0.map(|v| v[0].hypot(v[1])).into_iter().fold(0.0, f32::max);
@@ -455,14 +458,16 @@ impl ClothModel {
             }
             hairs
         });
-        let between = self.between.at(wo, &firsts, sigma_per_um, self.sent());
+        let inter_yarn = self.inter_yarn.at(wo, &firsts, sigma_per_um, self.sent_factors());
         plies.conserve([0, 1].map(|kind| {
             let of_plies = &firsts[CLASSES_A_KIND * kind..][..PLY_CLASSES];
-            std::array::from_fn(|k| of_plies.iter().map(|(_, e)| e[k]).sum::<f32>() - between.caught_of_plies[kind][k])
+            std::array::from_fn(|k| {
+                of_plies.iter().map(|(_, e)| e[k]).sum::<f32>() - inter_yarn.caught_of_plies[kind][k]
+            })
         }));
         let first = std::array::from_fn(|k| firsts.iter().map(|(_, energy)| energy[k]).sum());
         let through =
             |opening: Option<Opening>| Some(self.gaps.as_deref()?.apertures().through(opening?, wo, query.lambda_um));
-        Some((FarAt::new(plies, between, (passing, openings.map(through)), hairs, first), share))
+        Some((FarAt::new(plies, inter_yarn, (passing, openings.map(through)), hairs, first), share))
     }
 }

@@ -1,7 +1,7 @@
-//! From a surface's texture coordinates to the cloth's plane.
+//! Map from a surface's texture coordinates to the cloth's plane.
 
-/// Where a cloth lies on a surface with coordinates (u, v): scaled, then turned. A host gives directions in
-/// the frame (along u, along v, normal).
+/// Placement of a cloth on a surface with texture coordinates (u, v): a scale, then a rotation. A host gives
+/// directions in the frame (along u, along v, normal).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct UvMap {
     um_per_uv: [f64; 2],
@@ -10,9 +10,8 @@ pub struct UvMap {
 }
 
 impl UvMap {
-    /// A map with `um_per_uv` um to a unit of u and of v, and its x axis turned by `rotation_rad` from u
-    /// towards v.
-    /// Numbers that are not finite count as 1 um and 0 rad.
+    /// A map with `um_per_uv` um per unit of u and of v, whose x axis is rotated by `rotation_rad` from u
+    /// towards v. Scales that are not finite count as 1 um, and such a rotation as 0 rad.
     pub fn new(um_per_uv: [f64; 2], rotation_rad: f64) -> UvMap {
         let (sin, cos) = if rotation_rad.is_finite() { rotation_rad.sin_cos() } else { (0.0, 1.0) };
         UvMap { um_per_uv: um_per_uv.map(|s| if s.is_finite() { s } else { 1.0 }), cos, sin }
@@ -24,13 +23,13 @@ impl UvMap {
         [(a * self.cos + b * self.sin) as f32, (b * self.cos - a * self.sin) as f32]
     }
 
-    /// A direction of the surface's frame in the cloth's.
+    /// Transforms a direction from the surface's frame to the cloth's.
     pub fn to_cloth(&self, w: [f32; 3]) -> [f32; 3] {
         let (c, s) = (self.cos as f32, self.sin as f32);
         [w[0] * c + w[1] * s, w[1] * c - w[0] * s, w[2]]
     }
 
-    /// A direction of the cloth's frame in the surface's.
+    /// Transforms a direction from the cloth's frame to the surface's.
     pub fn to_surface(&self, w: [f32; 3]) -> [f32; 3] {
         let (c, s) = (self.cos as f32, self.sin as f32);
         [w[0] * c - w[1] * s, w[1] * c + w[0] * s, w[2]]

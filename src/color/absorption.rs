@@ -1,97 +1,52 @@
 //! The absorption sigma(lambda) for a given reflectance, by inverting the albedo of the loaded model.
 //!
-//! A model's albedo at an incidence is `E_refl + sum_j e_j exp(-sigma path_j)` with e_j >= 0, and so is every
-//! average over incidences: it falls with sigma and is convex, from the albedo of clear fibers to that of
-//! light that enters no fiber. Newton's steps from sigma = 0 stay left of the root and converge.
+//! The albedo of a model at an incidence is `E_refl + sum_j e_j exp(-sigma path_j)` with e_j >= 0, and every
+//! average over incidences has the same form. It decreases with sigma and is convex, from the albedo of clear
+//! fibers to that of light that enters no fiber. Newton's method from sigma = 0 stays left of the root and
+//! converges.
 
 use super::{SPECTRUM_NODES, SPECTRUM_UM, spectrum_lambda_um};
-use crate::PlyModel;
 
-/// Largest absorption for a reflectance [1/um]: black before a fiber is crossed.
+/// Maximum absorption for a reflectance [1/um], at which light is absorbed before it crosses a fiber.
 const MAX_PER_UM: f64 = 1.0;
 
-/// Albedo of a model or a cloth over the absorption, averaged over incidences.
+/// Albedo of a model or a cloth as a function of the absorption, averaged over incidences.
 #[derive(Clone, Debug, PartialEq)]
 pub struct AlbedoCurve(Form);
 
 #[derive(Clone, Debug, PartialEq)]
 enum Form {
-    /// A constant, and energies by path length.
+    /// A constant part, and energies by path length.
     Paths { constant: f64, path_um: Vec<f64>, energy: Vec<f64> },
-    /// `(v, value)`, falling with the absorption, at nodes of `v = 1 / (1 + sigma L)` from 1 to 0, linear in
-    /// v between.
+    /// `(v, value)` at nodes of `v = 1 / (1 + sigma L)` from 1 to 0, linear in v between them; the value
+    /// decreases with the absorption.
     Nodes { length_um: f64, nodes: Vec<(f64, f64)> },
 }
 
-/// Position of a reflectance relative to the albedos that the model can reach.
+/// Position of a reflectance relative to the range of albedos that the model can reach.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Clamped {
-    /// Within them.
+    /// Within the range.
     No,
-    /// Brighter than clear fibers; sigma is 0.
+    /// Brighter than clear fibers; sigma is clamped to 0.
     ToClear,
-    /// Darker than the darkest fibers (or NaN).
+    /// Darker than the darkest fibers, or NaN; sigma is clamped to its maximum.
     ToDark,
 }
 
 impl AlbedoCurve {
-    /// The curve under diffuse light: the scattered share of the light that hits fibers, uniform over
-    /// offsets, weighted over latitudes by cos^2 theta_i, the projected solid angle of light from everywhere
-    /// about a thread. Latitudes beyond the last node count as that one.
-    pub fn diffuse(model: &PlyModel) -> AlbedoCurve {
-        let d = model.data();
-        let (m, last) = (d.theta_i.len(), d.theta_i[d.theta_i.len() - 1]);
-        let primitive = |theta: f64| 0.5 * theta + 0.25 * (2.0 * theta).sin();
-        let step = last / (m - 1) as f64;
-        let weight = |row: usize| {
-            let low = if row == 0 { 0.0 } else { step * (row as f64 - 0.5) };
-            let high = if row + 1 == m { std::f64::consts::FRAC_PI_2 } else { step * (row as f64 + 0.5) };
-            primitive(high) - primitive(low)
-        };
-        AlbedoCurve::from_model(model, &weight)
+    /// The curve of a constant part and of energies by path length [um].
+    pub(crate) fn of_paths(constant: f64, path_um: Vec<f64>, energy: Vec<f64>) -> AlbedoCurve {
+        AlbedoCurve(Form::Paths { constant, path_um, energy })
     }
 
-    /// The curve under light of one latitude [rad], uniform over offsets; linear between nodes, constant
-    /// beyond the last.
-    pub fn at(model: &PlyModel, theta_i: f64) -> AlbedoCurve {
-        let d = model.data();
-        let (m, last) = (d.theta_i.len(), d.theta_i[d.theta_i.len() - 1]);
-        let x = (theta_i.abs() / last * (m - 1) as f64).max(0.0).min((m - 1) as f64);
-        AlbedoCurve::from_model(model, &|row| (1.0 - (x - row as f64).abs()).max(0.0))
-    }
-
-    fn from_model(model: &PlyModel, weight: &dyn Fn(usize) -> f64) -> AlbedoCurve {
-        let d = model.data();
-        let (theta_i, h_um, j) = (&d.theta_i, &d.h_um, d.path_um.len());
-        let h = h_um.len();
-        let (mut constant, mut energy, mut met) = (0.0, vec![0.0; j], 0.0);
-        for row in 0..d.theta_i.len() {
-            for column in 0..h {
-                let w = weight(row) * if column == 0 || column + 1 == h { 0.5 } else { 1.0 };
-                if w == 0.0 {
-                    continue;
-                }
-                let at = d.energies.at(theta_i[row], h_um[column]);
-                met += w * (1.0 - at.r_d);
-                constant += w * at.refl;
-                for (sum, e) in energy.iter_mut().zip(&at.high) {
-                    *sum += w * e;
-                }
-            }
-        }
-        // A model whose fibers light never hits is black.
-        let scale = if met > 0.0 { 1.0 / met } else { 0.0 };
-        energy.iter_mut().for_each(|e| *e *= scale);
-        AlbedoCurve(Form::Paths { constant: constant * scale, path_um: d.path_um.clone(), energy })
-    }
-
-    /// The curve of values at two nodes or more of `v = 1 / (1 + sigma L)`, falling from clear fibers, 1, to
-    /// infinite absorption, 0. A value above the previous one is clamped to it.
+    /// The curve of values at two or more nodes of `v = 1 / (1 + sigma L)`, from clear fibers (v = 1) to
+    /// infinite absorption (v = 0). A value above the previous one is clamped to it, so the curve decreases.
     pub(crate) fn of_nodes(length_um: f64, nodes: impl Iterator<Item = (f64, f64)>) -> AlbedoCurve {
-        let mut least = f64::INFINITY;
+        let mut lowest = f64::INFINITY;
         let falling = |(v, value): (f64, f64)| {
-            least = least.min(value);
-            (v, least)
+            lowest = lowest.min(value);
+            (v, lowest)
         };
         AlbedoCurve(Form::Nodes { length_um, nodes: nodes.map(falling).collect() })
     }
@@ -117,7 +72,7 @@ impl AlbedoCurve {
         }
     }
 
-    /// The darkest and the brightest albedo that [`AlbedoCurve::sigma`] reaches.
+    /// The minimum and the maximum albedo that [`AlbedoCurve::sigma`] reaches.
     pub fn range(&self) -> [f64; 2] {
         [self.albedo(MAX_PER_UM), self.albedo(0.0)]
     }
@@ -148,14 +103,14 @@ impl AlbedoCurve {
         }
     }
 
-    /// The absorption [1/um] whose albedo is `reflectance`, 0 to 1 per um, and whether the reflectance was
+    /// The absorption [1/um], in [0, 1], whose albedo is `reflectance`, and whether the reflectance was
     /// clamped.
     pub fn sigma(&self, reflectance: f64) -> (f64, Clamped) {
         let [dark, bright] = self.range();
         if reflectance > bright {
             return (0.0, Clamped::ToClear);
         }
-        // In this form NaN counts as dark.
+        // The comparison is false for NaN, which is therefore dark.
         let within = reflectance >= dark;
         if !within {
             return (MAX_PER_UM, Clamped::ToDark);
@@ -175,20 +130,20 @@ fn value(constant: f64, path_um: &[f64], energy: &[f64], sigma: f64) -> (f64, f6
     (value, slope)
 }
 
-/// Absorption over the wavelength.
+/// Absorption as a function of the wavelength.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SigmaSpectrum {
     per_um: [f32; SPECTRUM_NODES],
 }
 
 impl SigmaSpectrum {
-    /// The absorption with which a model with this albedo has the reflectance at each wavelength, and the
-    /// number of the 81 nodes that were clamped to clear and to dark fibers.
+    /// The absorption with which a model of this albedo has the reflectance at each wavelength; and how many
+    /// of the 81 nodes were clamped to clear and to dark fibers.
     pub fn of_reflectance(curve: &AlbedoCurve, reflectance: impl Fn(f64) -> f64) -> (SigmaSpectrum, [usize; 2]) {
         let mut clamped = [0; 2];
         let per_um = std::array::from_fn(|node| {
-            let (sigma, how) = curve.sigma(reflectance(spectrum_lambda_um(node)));
-            match how {
+            let (sigma, clamping) = curve.sigma(reflectance(spectrum_lambda_um(node)));
+            match clamping {
                 Clamped::No => {}
                 Clamped::ToClear => clamped[0] += 1,
                 Clamped::ToDark => clamped[1] += 1,
@@ -198,19 +153,20 @@ impl SigmaSpectrum {
         (SigmaSpectrum { per_um }, clamped)
     }
 
-    /// The spectrum of absorptions [1/um] over the wavelength [um].
+    /// The absorption [1/um] given as a function of the wavelength [um].
     pub fn from_fn(sigma_per_um: impl Fn(f64) -> f64) -> SigmaSpectrum {
         SigmaSpectrum { per_um: std::array::from_fn(|node| sigma_per_um(spectrum_lambda_um(node)) as f32) }
     }
 
-    /// Values at the nodes [1/um].
+    /// Absorptions at the nodes [1/um].
     pub fn nodes_per_um(&self) -> &[f32; SPECTRUM_NODES] {
         &self.per_um
     }
 
-    /// The absorption at a wavelength [1/um], linear between the nodes; constant beyond 0.38 to 0.78 um.
+    /// The absorption at a wavelength [1/um], linear between the nodes and constant beyond 0.38 to 0.78 um;
+    /// NaN gives the first node.
     pub fn at(&self, lambda_um: f32) -> f32 {
-        // Like `place`, in f32 and without its division.
+        // Like `place`, but in f32 and without its division.
         const LAST: usize = SPECTRUM_NODES - 1;
         let x = crate::math::simd::min(
             crate::math::simd::max((lambda_um - SPECTRUM_UM[0] as f32) * 200.0, 0.0),
@@ -234,7 +190,7 @@ mod tests {
         })
     }
 
-    /// The inverse of the albedo is accurate to 1e-12, falls, and reports clamping outside its range.
+    /// The inverse of the albedo is accurate to 1e-12, decreases, and reports clamping outside its range.
     #[test]
     fn absorption_inverts_the_albedo() {
         let c = curve();
@@ -253,7 +209,7 @@ mod tests {
         assert_eq!(c.sigma(f64::NAN), (MAX_PER_UM, Clamped::ToDark));
     }
 
-    /// A color converted to absorption and back has the spectrum of the reflectance where nothing was
+    /// A color converted to absorption and back has the spectrum of the reflectance wherever nothing was
     /// clamped.
     #[test]
     fn colors_come_back_through_the_albedo() {
@@ -272,7 +228,7 @@ mod tests {
         assert!((sigma.at(0.4975) - 0.5).abs() < 1e-4);
     }
 
-    /// Curves of nodes are inverted where they fall; elsewhere clear fibers are chosen.
+    /// Curves of nodes are inverted where they decrease; elsewhere the clearest fibers are chosen.
     #[test]
     fn curves_of_nodes_are_inverted() {
         let values = [1.0, 0.7, 0.7, 0.75, 0.2, 0.05].into_iter().enumerate();

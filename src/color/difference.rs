@@ -2,18 +2,18 @@
 
 use super::lab_of_xyz;
 
-/// CIEDE2000 of two colors in XYZ, with D65 as their white, k_L = k_C = k_H = 1; about 1 is just visible.
+/// CIEDE2000 of two colors in XYZ, with D65 as the white and k_L = k_C = k_H = 1; about 1 is just visible.
 pub fn delta_e_2000(xyz: [f64; 3], other: [f64; 3]) -> f64 {
     of_lab(lab_of_xyz(xyz), lab_of_xyz(other))
 }
 
-/// A hue in degrees from 0 to 360; 0 for a gray.
+/// Hue in degrees from 0 to 360; 0 for a gray.
 fn hue(a: f64, b: f64) -> f64 {
     if a == 0.0 && b == 0.0 { 0.0 } else { b.atan2(a).to_degrees().rem_euclid(360.0) }
 }
 
 fn of_lab([l1, a1, b1]: [f64; 3], [l2, a2, b2]: [f64; 3]) -> f64 {
-    // Scale of a: differences between grays are more visible along a.
+    // Scale of a, because differences between grays are more visible along a.
     let share = |c: f64| {
         let c7 = c.powi(7);
         (c7 / (c7 + 25f64.powi(7))).sqrt()
@@ -51,7 +51,8 @@ fn of_lab([l1, a1, b1]: [f64; 3], [l2, a2, b2]: [f64; 3]) -> f64 {
 mod tests {
     use super::*;
 
-    /// Pairs of Sharma, Wu and Dalal (2005), Table 1, whose hues, chromas and lightnesses take each branch.
+    /// Pairs of Sharma, Wu and Dalal (2005), Table 1, whose hues, chromas and lightnesses exercise each
+    /// branch.
     #[test]
     fn published_pairs_come_out() {
         for (one, other, want) in [

@@ -1,12 +1,12 @@
 //! A smooth reflectance of a given color (Jakob and Hanika 2019): `S(c0 x^2 + c1 x + c2)` with
-//! `S(t) = 1/2 + t / (2 sqrt(1 + t^2))`, here with x running from -1 to 1 over 0.38 to 0.78 um, which
-//! conditions the problem better than their [0, 1] and spans the same functions.
+//! `S(t) = 1/2 + t / (2 sqrt(1 + t^2))`. Here x goes from -1 to 1 over 0.38 to 0.78 um, which conditions the
+//! problem better than their [0, 1] and spans the same functions.
 //!
-//! They tabulate the coefficients over the RGB cube; here each color is solved on demand, by damped
+//! They tabulate the coefficients over the RGB cube. Here each color is solved on demand, by damped
 //! Gauss-Newton steps on the three residuals in CIELAB under D65. With `dS/dt = (1 + t^2)^(-3/2) / 2` the
-//! derivative of XYZ by c_k is the sum over the spectrum of `x^(2 - k) dS/dt`, and that of CIELAB follows by
-//! its roots. Colors at the border of the cube have coefficients that go to infinity (a step in the
-//! spectrum); these are clamped to a bound, and the remaining error is reported.
+//! derivative of XYZ by c_k is the sum over the spectrum of `x^(2 - k) dS/dt`, and that of CIELAB follows
+//! from its roots. For colors at the border of the cube the coefficients diverge (a step in the spectrum);
+//! they are clamped to a bound, and the remaining error is reported.
 
 use super::{D65, X_BAR, Y_BAR, Z_BAR};
 use super::{SPECTRUM_NODES, SPECTRUM_UM, lab_of_xyz, lab_root, spectrum_lambda_um, white_d65, xyz_of_reflectance};
@@ -14,15 +14,15 @@ use super::{delta_e, srgb_decode, xyz_of_linear_srgb};
 
 /// Bound of each coefficient: S(300) = 1 - 3e-6, and the steepest step is a hundredth of the range wide.
 const MAX: f64 = 300.0;
-/// Largest number of steps; a solve takes about ten.
+/// Maximum number of steps; a solve takes about ten.
 const STEPS: usize = 200;
 
-/// A reflectance in (0, 1), smooth in the wavelength.
+/// A reflectance in (0, 1) that is smooth in the wavelength.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SmoothReflectance {
-    /// Coefficients of x^2, x and 1, x from -1 to 1 over 0.38 to 0.78 um.
+    /// Coefficients of x^2, x and 1, where x goes from -1 to 1 over 0.38 to 0.78 um.
     pub coefficients: [f64; 3],
-    /// Delta E (1976) between the target color and the one of this reflectance under D65.
+    /// Delta E (1976) between the target color and that of this reflectance under D65.
     pub delta_e: f64,
 }
 
@@ -82,19 +82,19 @@ fn damped_step(j: &[[f64; 3]; 3], r: &[f64; 3], damping: f64) -> [f64; 3] {
 }
 
 impl SmoothReflectance {
-    /// A reflectance of a color in encoded sRGB. Components are clamped to [0, 1], NaN counts as 0.
+    /// A reflectance with a color in encoded sRGB. Components are clamped to [0, 1]; NaN becomes 0.
     pub fn of_srgb(srgb: [f64; 3]) -> SmoothReflectance {
         SmoothReflectance::of_xyz(xyz_of_linear_srgb(srgb.map(|v| srgb_decode(v.max(0.0).min(1.0)))))
     }
 
-    /// A reflectance of a color in XYZ under D65. A color that no reflectance reaches gives a near one;
+    /// A reflectance with a color in XYZ under D65. A color that no reflectance reaches gives a near one, and
     /// `delta_e` is the error.
     pub fn of_xyz(xyz: [f64; 3]) -> SmoothReflectance {
-        // NaN and infinite colors are black.
+        // Colors that are not finite become black.
         let xyz = if xyz.iter().all(|v| v.is_finite()) { xyz } else { [0.0; 3] };
         let want = lab_of_xyz(xyz);
         let gray = xyz[1].clamp(1e-6, 1.0 - 1e-6);
-        // S(t) = gray.
+        // Solves S(t) = gray.
         let t = (gray - 0.5) / (gray * (1.0 - gray)).sqrt();
         let mut c = [0.0, 0.0, t.clamp(-MAX, MAX)];
         let cost = |r: &[f64; 3]| r.iter().map(|v| v * v).sum::<f64>();
@@ -122,7 +122,8 @@ impl SmoothReflectance {
         got
     }
 
-    /// The reflectance at a wavelength [um], 0 to 1; constant beyond 0.38 to 0.78 um.
+    /// The reflectance at a wavelength [um], 0 to 1; constant beyond 0.38 to 0.78 um; NaN gives the value at
+    /// 0.38 um.
     pub fn at(&self, lambda_um: f64) -> f64 {
         let x = x_of(lambda_um);
         value(&self.coefficients, if x.is_nan() { -1.0 } else { x }).0
@@ -133,7 +134,7 @@ impl SmoothReflectance {
 mod tests {
     use super::*;
 
-    /// Derivatives agree with differences.
+    /// Derivatives agree with finite differences.
     #[test]
     fn jacobian_is_the_derivative() {
         let (c, want) = ([3.0, -2.0, 0.4], [50.0, 10.0, -20.0]);
@@ -150,8 +151,8 @@ mod tests {
         }
     }
 
-    /// The sRGB cube survives a round trip: Delta E below 0.01 inside, below 1 at its faces; reflectances
-    /// within (0, 1).
+    /// The sRGB cube survives a round trip: Delta E is below 0.01 inside and below 1 at the faces, and
+    /// reflectances are within (0, 1).
     #[test]
     fn colors_come_back() {
         let (mut inside, mut border, n) = (0.0f64, 0.0f64, 8);
@@ -173,7 +174,7 @@ mod tests {
         assert!(inside < 0.01 && border < 1.0, "{inside} {border}");
     }
 
-    /// Grays are flat, white and black nearly 1 and 0, NaN is black.
+    /// Grays are flat, white and black are nearly 1 and 0, and NaN is black.
     #[test]
     fn grays_are_flat() {
         for gray in [0.2, 0.5, 0.735_36] {

@@ -1,15 +1,13 @@
-//! Colors as people write them, read as sRGB from 0 to 1.
+//! Colors as people write them, parsed to sRGB from 0 to 1.
 //!
-//! Three numbers up to 1 are shares. Where one of them is above 1, all three are parts of 255 and whole.
-//! So 1, 1, 1 is white, as three shares, and 2, 1, 1 is nearly black.
+//! Three numbers up to 1 are fractions. If one of them is above 1, all three must be integers and are divided
+//! by 255. So 1, 1, 1 is white, as three fractions, and 2, 1, 1 is nearly black.
 
-use serde::{Deserialize, Deserializer};
-
-/// The forms that are read, for messages.
+/// The accepted forms, for messages.
 pub const SRGB_FORMS: &str =
     "three numbers from 0 to 1, or three whole numbers up to 255, red, green and blue, or \"#rrggbb\" or \"#rgb\"";
 
-/// sRGB of three numbers.
+/// sRGB of three numbers; `None` if they have neither form.
 pub fn srgb_of_numbers(numbers: [f64; 3]) -> Option<[f64; 3]> {
     let all = |of: fn(f64) -> bool| numbers.iter().all(|v| of(*v));
     if all(|v| (0.0..=1.0).contains(&v)) {
@@ -18,7 +16,8 @@ pub fn srgb_of_numbers(numbers: [f64; 3]) -> Option<[f64; 3]> {
     all(|v| (0.0..=255.0).contains(&v) && v.fract() == 0.0).then(|| numbers.map(|v| v / 255.0))
 }
 
-/// sRGB of a text: hexadecimal digits with or without `#`, or three numbers between commas or spaces.
+/// sRGB of a text: hexadecimal digits with or without `#`, or three numbers separated by commas or spaces.
+/// `None` if the text has neither form.
 pub fn srgb_of_text(text: &str) -> Option<[f64; 3]> {
     let text = text.trim();
     let digits = text.strip_prefix('#').unwrap_or(text);
@@ -30,7 +29,7 @@ pub fn srgb_of_text(text: &str) -> Option<[f64; 3]> {
     srgb_of_numbers(numbers.try_into().ok()?)
 }
 
-/// sRGB of three or six hexadecimal digits; one digit stands for two of it.
+/// sRGB of three or six hexadecimal digits; a single digit is doubled.
 fn srgb_of_digits(digits: &str) -> Option<[f64; 3]> {
     let per = digits.len() / 3;
     let mut srgb = [0.0; 3];
@@ -41,8 +40,8 @@ fn srgb_of_digits(digits: &str) -> Option<[f64; 3]> {
     Some(srgb)
 }
 
-/// sRGB of a value of TOML: an array of numbers, or a text.
-pub(crate) fn srgb_of_value(value: &toml::Value) -> Option<[f64; 3]> {
+/// sRGB of a TOML value: an array of numbers, or a text.
+pub fn srgb_of_value(value: &toml::Value) -> Option<[f64; 3]> {
     let number = |v: &toml::Value| v.as_float().or_else(|| v.as_integer().map(|i| i as f64));
     match value {
         toml::Value::String(text) => srgb_of_text(text),
@@ -52,26 +51,6 @@ pub(crate) fn srgb_of_value(value: &toml::Value) -> Option<[f64; 3]> {
         }
         _ => None,
     }
-}
-
-/// Reads a color of any form.
-pub(crate) fn srgb<'de, D: Deserializer<'de>>(from: D) -> Result<[f64; 3], D::Error> {
-    #[derive(Deserialize)]
-    #[serde(untagged)]
-    enum Written {
-        Text(String),
-        Numbers([f64; 3]),
-    }
-    let read = match Written::deserialize(from)? {
-        Written::Text(text) => srgb_of_text(&text),
-        Written::Numbers(numbers) => srgb_of_numbers(numbers),
-    };
-    read.ok_or_else(|| serde::de::Error::custom(format!("use {SRGB_FORMS}")))
-}
-
-/// Reads a color of any form that may be absent.
-pub(crate) fn optional_srgb<'de, D: Deserializer<'de>>(from: D) -> Result<Option<[f64; 3]>, D::Error> {
-    srgb(from).map(Some)
 }
 
 #[cfg(test)]
@@ -91,7 +70,8 @@ mod tests {
             ("#abc", bytes([0xaa, 0xbb, 0xcc])),
             ("abc", bytes([0xaa, 0xbb, 0xcc])),
             ("0.5,0.25,1", Some([0.5, 0.25, 1.0])),
-            // Up to 1 they are shares: white, black, red; one above 1 makes all of them parts of 255.
+            // Up to 1 they are fractions: white, black, red. One number above 1 makes all of them parts of
+            // 255.
             ("1,1,1", Some([1.0; 3])),
             ("0,0,0", Some([0.0; 3])),
             ("1,0,0", Some([1.0, 0.0, 0.0])),

@@ -1,27 +1,29 @@
-//! Rectangular apertures between yarns at a query: their spectra, for edges in equal steps about the center
-//! of a beam, made once.
+//! Rectangular apertures between yarns, evaluated at a query.
+//!
+//! The spectra of one axis are tabulated once, for edges in equal steps about the center of a beam. An
+//! aperture has the exact factor of its own edges and is sampled from the nearest tabulated spectrum.
 
 use super::{Axis, GapBsdf, Spectrum};
-use crate::cloth::{to_pattern, to_surface};
+use crate::frame::{to_pattern, to_surface};
 use crate::spec::GaussianBeam;
 use std::f32::consts::FRAC_PI_2;
 
-/// Edges of apertures, in equal steps from the beam's center to d_cut, for which spectra are kept: those of
-/// which apertures between them are sampled.
+/// Number of equal steps from the beam's center to d_cut at which edges are tabulated. Apertures with edges
+/// between them are sampled from the nearest ones.
 pub(crate) const EDGES: usize = 32;
-/// Narrowest aperture [um]. What is narrower, a fraction of a wavelength, has its pattern: light goes
-/// everywhere.
+/// Narrowest aperture [um], a fraction of a wavelength. Narrower ones use its pattern, which spreads light in
+/// all directions.
 const MIN_APERTURE_UM: f32 = 0.1;
-/// Turns of openings in a right angle.
+/// Number of rotation steps of openings in a right angle.
 const TURNS: f32 = 256.0;
 
-/// An aperture of the spectra that are kept: the numbers of those of its two axes, and by how many steps
-/// these are turned from x and y.
+/// An aperture in terms of the tabulated spectra: the indices of the spectra of its two axes, and the
+/// rotation of the axes from x and y in steps.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(crate) struct Opening(pub [u16; 3]);
+pub struct Opening(pub [u16; 3]);
 
 impl Opening {
-    /// Of numbers in a file; `None` where they are none of an opening.
+    /// Checks numbers read from a file; `None` if an index is out of range.
     pub fn new(numbers: [u32; 3]) -> Option<Opening> {
         let [x, y, steps] = numbers;
         let spectra = ((EDGES + 1) * (EDGES + 1)) as u32;
@@ -30,12 +32,12 @@ impl Opening {
     }
 }
 
-/// Spectra of apertures in a beam.
+/// Tabulated spectra of apertures in a beam.
 #[derive(Clone, Debug)]
 pub(crate) struct Apertures {
-    /// `[EDGES + 1][EDGES + 1]` of the distances of the two edges along one axis.
+    /// `[before][beyond]`, [`EDGES`] + 1 each: spectra by the distances of the two edges along one axis.
     pub spectra: Vec<Spectrum>,
-    /// Distance of two edges [um].
+    /// Step of the distance of an edge [um].
     pub step_um: f32,
 }
 
@@ -54,12 +56,12 @@ impl Apertures {
         EDGES as f32 * self.step_um
     }
 
-    /// The spectrum of the aperture whose edges are this far before and beyond the beam's center [um], and
-    /// the number of the nearest that is kept, which has a width.
+    /// Index of the nearest tabulated spectrum with a width above 0, and the axis of an aperture whose edges
+    /// lie this far before and beyond the beam's center [um].
     #[inline]
     fn axis(&self, before_um: f32, beyond_um: f32) -> (u16, Axis<'_>) {
-        let room = 0.5 * (MIN_APERTURE_UM - before_um - beyond_um).max(0.0);
-        let [before, beyond] = [before_um, beyond_um].map(|x| (x + room).min(self.reach_um()));
+        let padding = 0.5 * (MIN_APERTURE_UM - before_um - beyond_um).max(0.0);
+        let [before, beyond] = [before_um, beyond_um].map(|x| (x + padding).min(self.reach_um()));
         let node = |x: f32| ((x / self.step_um + 0.5) as usize).min(EDGES);
         let nodes = match [node(before), node(beyond)] {
             [0, 0] if before > beyond => [1, 0],
@@ -70,9 +72,9 @@ impl Apertures {
         (number as u16, Axis::near(&self.spectra[number], before, beyond))
     }
 
-    /// Light through the aperture with edges this far from the beam's center [um], before and beyond it along
-    /// the axis `turn` (cosine and sine of its angle from x, less than a right one) and along the one at
-    /// right angles to that. `None` where no light passes.
+    /// Light through the aperture with edges at these distances from the beam's center [um]: before and
+    /// beyond it along the axis `turn` (cosine and sine of its angle from x, in [0, pi/2)), then along the
+    /// perpendicular axis. `None` if no light passes.
     pub fn at<const N: usize>(
         &self,
         [before, beyond, below, above]: [f32; 4],
@@ -86,7 +88,7 @@ impl Apertures {
         (!gap.is_dark()).then_some((Opening([x, y, steps as u16]), GapAt { gap, turn }))
     }
 
-    /// Light through an opening.
+    /// Light through an opening, with the tabulated edges.
     pub fn through<const N: usize>(
         &self,
         Opening([x, y, steps]): Opening,

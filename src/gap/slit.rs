@@ -1,26 +1,26 @@
 //! Colors of small gaps between fibers (Yu 2025, 7.3): a slit along the ply diffracts a part of the forward
 //! light.
 //!
-//! This is an optional feature of the paper, not a simulation: nobody has counted the slits of a ply or their
-//! widths. It takes forward light from f_high, lobe by lobe: `share` times the cosine between the lobe's axis
-//! and the forward direction (nothing from a lobe that points back), and sends it through one slit of the
-//! given width, of length +-d_cut along the ply, about the forward direction. The energy of each lobe is
-//! exact, so energy is conserved at every absorption. Through so narrow a slit Kirchhoff's approximation
-//! loses light (5 % and more below 5 um); the pattern here is the spectrum of the slit alone, scaled to an
-//! integral of 1 over the directions that propagate.
+//! This is an optional effect of the paper, not a simulation: neither the number nor the widths of a ply's
+//! slits have been measured. Forward light is taken from each lobe of f_high: `share` times the cosine
+//! between the lobe's axis and the forward direction, nothing from a lobe that points backwards. It is sent
+//! through one slit of the given width, of length +-d_cut along the ply, about the forward direction. The
+//! energy of each lobe is exact, so energy is conserved at every absorption. Through so narrow a slit
+//! Kirchhoff's approximation loses light (5 % and more below 5 um); the pattern here is the spectrum of the
+//! slit alone, scaled to an integral of 1 over the propagating directions.
 
 use super::{Aperture, Gap};
 use crate::spec::GaussianBeam;
 use crate::{Error, Result};
 
-/// Widest slit [um]: above it, gaps belong to the weave (Yu 2025, 7.3).
+/// Widest slit [um]: wider gaps belong to the weave (Yu 2025, 7.3).
 pub const SLIT_MAX_UM: f32 = 5.0;
-/// The paper's share.
+/// Share of the forward light in the paper.
 pub const SLIT_SHARE: f32 = 0.25;
-/// Smallest cosine of the incident latitude: more grazing light is clamped to it.
+/// Smallest cosine of the incident latitude; more grazing light is clamped to it.
 const MIN_COSINE: f32 = 1e-3;
 
-/// A slit along the ply and the share of the forward light that passes through it.
+/// A slit along the ply, with the share of the forward light that passes through it.
 #[derive(Clone, Copy, Debug)]
 pub struct Slit {
     gap: Gap,
@@ -58,26 +58,26 @@ impl Slit {
         self.share
     }
 
-    /// The numbers of the spectra across and along the ply ([`super::Spectrum`]), for hosts that evaluate
-    /// them themselves.
+    /// Numbers of the spectra across and along the ply ([`super::Spectrum`]), for hosts that evaluate them
+    /// themselves.
     pub(crate) fn numbers(&self) -> impl Iterator<Item = f32> {
         self.gap.x.numbers().chain(self.gap.y.numbers())
     }
 
-    /// The pattern of energy 1 in direction `wo` of the ply frame [1/sr], and the density of
-    /// [`Slit::sample`]: a beam from latitude `theta_i` spreads over the cone of the forward latitude.
+    /// The pattern in direction `wo` of the ply frame, scaled to energy 1 [1/sr], and the density of
+    /// [`Slit::sample`]. A beam from latitude `theta_i` spreads over the cone of the forward latitude.
     pub fn eval_pdf<const N: usize>(&self, theta_i: f32, lambda_um: [f32; N], wo: [f32; 3]) -> ([f32; N], f32) {
         self.gap.at(incident(theta_i), lambda_um).conserved(swapped(wo))
     }
 
-    /// A direction of the pattern, from numbers in [0, 1); the first chooses the wavelength.
+    /// Samples a direction of the pattern, by numbers in [0, 1); the first chooses the wavelength.
     pub fn sample<const N: usize>(&self, theta_i: f32, lambda_um: [f32; N], u: [f32; 3]) -> Option<[f32; 3]> {
         self.gap.at(incident(theta_i), lambda_um).conserved_sample(u).map(swapped)
     }
 }
 
-/// Converts between the ply's frame and the slit's, whose y is the ply's z: a mirror image, under which an
-/// even pattern is unchanged.
+/// Converts between the ply's frame and the slit's, whose y is the ply's z. The map is a mirror image, under
+/// which the symmetric pattern is unchanged.
 fn swapped(w: [f32; 3]) -> [f32; 3] {
     [w[0], w[2], w[1]]
 }

@@ -1,15 +1,16 @@
-//! The spectrum of a beam between two edges, tabulated for sampling: mass beyond a frequency, and its
+//! The spectrum of a beam between two edges, tabulated for sampling: the mass beyond a frequency, and its
 //! inverse.
 //!
-//! The spectrum `|k(f)|^2` is even in f and, behind its central lobes, falls as 1/f^2 under the interference
-//! of the two edges. With `t = |f| / (|f| + g)`, g the inverse of the passing width, 64 cells uniform in t
-//! cover all frequencies: the density per t is bounded, the central lobes are resolved, and a far cell
-//! contains many fringes, represented by their mean. Within a cell the tabulated density is uniform in t.
+//! The spectrum `|k(f)|^2` is even in f and, beyond its central lobes, falls as 1/f^2, modulated by the
+//! interference of the two edges. With `t = |f| / (|f| + g)`, where g is the inverse of the passing width, 64
+//! cells uniform in t cover all frequencies: the density per t is bounded, the central lobes are resolved,
+//! and a far cell contains many fringes, represented by their mean. Within a cell the tabulated density is
+//! uniform in t.
 
 use super::spectra;
 use crate::math::faddeeva::Factor;
 
-/// Cells of t in [0, 1).
+/// Number of cells of t in [0, 1).
 pub(crate) const CELLS: usize = 64;
 /// Points and weights of the 8-point Gauss-Legendre rule on [0, 1].
 const GAUSS: [[(f32, f32); 4]; 2] = [
@@ -26,7 +27,7 @@ const GAUSS: [[(f32, f32); 4]; 2] = [
         (0.980_144_9, 0.050_614_268),
     ],
 ];
-/// Fringes in a cell above which their mean replaces the spectrum.
+/// Number of fringes in a cell above which their mean replaces the spectrum.
 const FRINGES: f32 = 2.0;
 /// Smallest mass of a range that is sampled from the table; below it f is uniform.
 const MIN_MASS: f32 = 1e-12;
@@ -35,9 +36,9 @@ const MIN_MASS: f32 = 1e-12;
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Spectrum {
     pub(crate) factor: Factor,
-    /// Scale of f [1/um] in t.
+    /// Scale g of f in t [1/um].
     g_per_um: f32,
-    /// Mass beyond the borders of the cells, both signs of f together: 1 at t = 0, 0 at t = 1.
+    /// Mass beyond the borders of the cells, for both signs of f together: 1 at t = 0, 0 at t = 1.
     beyond: [f32; CELLS + 1],
     /// Fourth power of the mean of `sqrt(|f|)` [1/um^2].
     pub(super) root_mean_4: f32,
@@ -45,10 +46,9 @@ pub(crate) struct Spectrum {
     pub(super) beam_spread: f32,
 }
 
-/// The spectrum of one axis of an aperture at a query: exact in value. Masses and samples come from a table,
-/// of the same edges or of similar ones. It stretches the table's frequencies by the ratio of the powers on
-/// the two apertures, which is that of their widths while they are narrow and saturates where they are wider
-/// than the beam.
+/// The spectrum of one axis of an aperture at a query. Its value is exact. Masses and samples come from a
+/// table of the same or of similar edges, whose frequencies are stretched by the ratio of the powers on the
+/// two apertures: the ratio of their widths if they are narrow, saturating for apertures wider than the beam.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Axis<'a> {
     near: &'a Spectrum,
@@ -58,7 +58,7 @@ pub(crate) struct Axis<'a> {
 }
 
 impl<'a> Axis<'a> {
-    /// The axis for the table's edges.
+    /// The axis for the table's own edges.
     #[inline(always)]
     pub(crate) fn new(table: &'a Spectrum) -> Axis<'a> {
         Axis { near: table, factor: table.factor, stretch: 1.0 }
@@ -76,12 +76,12 @@ impl<'a> Axis<'a> {
         self.near.passes() && self.factor.passes()
     }
 
-    /// The table.
+    /// The tabulated spectrum.
     pub(super) fn table(&self) -> &'a Spectrum {
         self.near
     }
 
-    /// The frequencies between `low` and `high`.
+    /// The range of frequencies between `low` and `high` [1/um].
     #[inline(always)]
     pub(super) fn range(&self, low: f32, high: f32) -> Range {
         self.near.range(low * self.stretch, high * self.stretch)
@@ -93,21 +93,21 @@ impl<'a> Axis<'a> {
         self.near.pdf(range, f * self.stretch) * self.stretch
     }
 
-    /// A frequency in `range`, by a number in [0, 1).
+    /// Samples a frequency in `range` [1/um], by a number in [0, 1).
     #[inline(always)]
     pub(super) fn sample(&self, range: &Range, u: f32) -> f32 {
         self.near.sample(range, u) / self.stretch
     }
 }
 
-/// Frequencies from `low` to `high` [1/um] and the share of the spectrum there.
+/// Frequencies from `low` to `high` [1/um], and the share of the spectrum in that range.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Range {
     low: f32,
     high: f32,
     beyond_low: f32,
     beyond_high: f32,
-    /// Share of the spectrum within.
+    /// Share of the spectrum within the range.
     pub(crate) mass: f32,
 }
 
@@ -116,7 +116,7 @@ impl Range {
 }
 
 impl Spectrum {
-    /// The spectrum of edges a <= b [um] in a beam of waist w0 [um].
+    /// The spectrum for edges a <= b [um] in a beam of waist w0 [um].
     pub(crate) fn new(a_um: f64, b_um: f64, w0_um: f64) -> Spectrum {
         let factor = Factor::new(a_um, b_um, w0_um);
         let width = (b_um - a_um).max(1e-6 * w0_um);
@@ -126,7 +126,8 @@ impl Spectrum {
             let (t0, t1) = (i as f32 / CELLS as f32, (i + 1) as f32 / CELLS as f32);
             let (f0, f1) = (g * t0 / (1.0 - t0), g * t1 / (1.0 - t1));
             if i + 1 == CELLS {
-                // The spectrum falls as 1/f^2.
+                // Beyond the last border the spectrum falls as 1/f^2, so its integral is f0 times its value
+                // at f0.
                 *mass = f64::from(factor.smooth_spectrum(f0) * f0);
                 continue;
             }
@@ -171,7 +172,7 @@ impl Spectrum {
         self.beyond[0] > 0.0
     }
 
-    /// Cell of `f` >= 0 and the fraction of the cell below it.
+    /// Cell of `f` >= 0, and the fraction of the cell below it.
     #[inline(always)]
     fn place(&self, f: f32) -> (usize, f32) {
         let t = CELLS as f32 * (f / (f + self.g_per_um));
@@ -180,7 +181,7 @@ impl Spectrum {
         (i, (t - i as f32).clamp(0.0, 1.0))
     }
 
-    /// Mass beyond `f` >= 0, both signs together.
+    /// Mass beyond `f` >= 0, for both signs together.
     #[inline(always)]
     fn beyond(&self, f: f32) -> f32 {
         let (i, x) = self.place(f);
@@ -195,7 +196,7 @@ impl Spectrum {
         0.5 * CELLS as f32 * (self.beyond[i] - self.beyond[i + 1]) * self.g_per_um / (stretch * stretch)
     }
 
-    /// The frequencies between `low` and `high`.
+    /// The range of frequencies between `low` and `high` [1/um]; empty if they are not in order or NaN.
     #[inline(always)]
     pub(crate) fn range(&self, low: f32, high: f32) -> Range {
         if low >= high || low.is_nan() || high.is_nan() {
@@ -222,7 +223,7 @@ impl Spectrum {
         }
     }
 
-    /// A frequency in `range`, by a number in [0, 1).
+    /// Samples a frequency in `range` [1/um], by a number in [0, 1).
     #[inline(always)]
     pub(crate) fn sample(&self, range: &Range, u: f32) -> f32 {
         let r = range;
@@ -230,12 +231,12 @@ impl Spectrum {
             return r.low + u * (r.high - r.low);
         }
         let (sign, beyond) = if r.low < 0.0 && r.high > 0.0 {
-            let left = 0.5 * (1.0 - r.beyond_low);
+            let negative = 0.5 * (1.0 - r.beyond_low);
             let at = u * r.mass;
-            if at < left {
+            if at < negative {
                 (-1.0, (1.0 - 2.0 * at).max(r.beyond_low))
             } else {
-                (1.0, (1.0 - 2.0 * (at - left)).max(r.beyond_high))
+                (1.0, (1.0 - 2.0 * (at - negative)).max(r.beyond_high))
             }
         } else {
             let sign = if r.low < 0.0 { -1.0 } else { 1.0 };
@@ -244,7 +245,7 @@ impl Spectrum {
         (sign * self.inverse(beyond)).clamp(r.low, r.high)
     }
 
-    /// The frequency beyond which the mass is `beyond`.
+    /// The frequency beyond which the mass is `beyond` [1/um].
     #[inline(always)]
     fn inverse(&self, beyond: f32) -> f32 {
         let mut i = 0;

@@ -1,14 +1,17 @@
-//! Checks on arrays, shared by loading and saving, and summaries for the readers of headers.
+//! Checks on arrays, shared by loading and saving, and summaries for people who read headers.
 
 use super::container::invalid;
 use crate::Result;
 
-/// Checks on arrays, with the file's name.
-pub(crate) struct Check<'a>(pub(crate) &'a str);
+/// Checks on the arrays of a file with this name.
+pub struct Check<'a>(pub &'a str);
 
 impl Check<'_> {
     /// Checks that every value is in `[low, high]` and finite.
-    pub(crate) fn range(&self, name: &str, values: &[f64], low: f64, high: f64) -> Result<()> {
+    ///
+    /// # Errors
+    /// [`crate::Error::Invalid`].
+    pub fn range(&self, name: &str, values: &[f64], low: f64, high: f64) -> Result<()> {
         match values.iter().position(|v| !(*v >= low && *v <= high)) {
             None => Ok(()),
             Some(i) => {
@@ -19,7 +22,10 @@ impl Check<'_> {
     }
 
     /// [`Check::range`] for f32.
-    pub(crate) fn range_f32(&self, name: &str, values: &[f32], low: f32, high: f32) -> Result<()> {
+    ///
+    /// # Errors
+    /// [`crate::Error::Invalid`].
+    pub fn range_f32(&self, name: &str, values: &[f32], low: f32, high: f32) -> Result<()> {
         match values.iter().position(|v| !(*v >= low && *v <= high)) {
             None => Ok(()),
             Some(i) => {
@@ -30,7 +36,10 @@ impl Check<'_> {
     }
 
     /// Checks that the length is the product of `shape`.
-    pub(crate) fn len(&self, name: &str, len: usize, shape: &[usize]) -> Result<()> {
+    ///
+    /// # Errors
+    /// [`crate::Error::Invalid`].
+    pub fn len(&self, name: &str, len: usize, shape: &[usize]) -> Result<()> {
         let want = shape.iter().try_fold(1usize, |a, b| a.checked_mul(*b));
         if want == Some(len) {
             return Ok(());
@@ -39,7 +48,10 @@ impl Check<'_> {
     }
 
     /// Checks that an axis is finite and strictly ascending.
-    pub(crate) fn ascending(&self, name: &str, axis: &[f64]) -> Result<()> {
+    ///
+    /// # Errors
+    /// [`crate::Error::Invalid`].
+    pub fn ascending(&self, name: &str, axis: &[f64]) -> Result<()> {
         self.range(name, axis, f64::MIN, f64::MAX)?;
         match axis.windows(2).position(|w| w[1] <= w[0]) {
             None => Ok(()),
@@ -48,7 +60,10 @@ impl Check<'_> {
     }
 
     /// Checks that an axis ascends with equal steps, to 1e-6 of a step.
-    pub(crate) fn uniform(&self, name: &str, axis: &[f64]) -> Result<()> {
+    ///
+    /// # Errors
+    /// [`crate::Error::Invalid`].
+    pub fn uniform(&self, name: &str, axis: &[f64]) -> Result<()> {
         self.ascending(name, axis)?;
         let step = (axis[axis.len() - 1] - axis[0]) / (axis.len() - 1).max(1) as f64;
         for (i, v) in axis.iter().enumerate() {
@@ -62,7 +77,10 @@ impl Check<'_> {
     }
 
     /// Checks the axis of incident latitudes: uniform from 0, below pi/2.
-    pub(crate) fn theta_axis(&self, axis: &[f64]) -> Result<()> {
+    ///
+    /// # Errors
+    /// [`crate::Error::Invalid`].
+    pub fn theta_axis(&self, axis: &[f64]) -> Result<()> {
         self.uniform("theta_i", axis)?;
         self.range("theta_i", axis, 0.0, std::f64::consts::FRAC_PI_2)?;
         if axis[0] != 0.0 {
@@ -73,7 +91,10 @@ impl Check<'_> {
 
     /// Checks the axis of offsets: uniform and symmetric about 0, since negative latitudes are mirrored onto
     /// it.
-    pub(crate) fn h_axis(&self, axis: &[f64]) -> Result<()> {
+    ///
+    /// # Errors
+    /// [`crate::Error::Invalid`].
+    pub fn h_axis(&self, axis: &[f64]) -> Result<()> {
         self.uniform("h_um", axis)?;
         self.range("h_um", axis, -1e6, 1e6)?;
         let (first, last) = (axis[0], axis[axis.len() - 1]);
@@ -89,7 +110,10 @@ impl Check<'_> {
     }
 
     /// Checks the axis of absorption coefficients: ascending from 0.
-    pub(crate) fn sigma_axis(&self, axis: &[f64]) -> Result<()> {
+    ///
+    /// # Errors
+    /// [`crate::Error::Invalid`].
+    pub fn sigma_axis(&self, axis: &[f64]) -> Result<()> {
         self.ascending("sigma_per_um", axis)?;
         self.range("sigma_per_um", axis, 0.0, 1e6)?;
         if axis[0] != 0.0 {
@@ -101,28 +125,33 @@ impl Check<'_> {
 
 /// Unit and length of an axis, for the JSON document.
 #[derive(serde::Serialize, serde::Deserialize)]
-pub(crate) struct Axis {
-    pub(crate) name: String,
-    pub(crate) unit: String,
-    pub(crate) size: usize,
+pub struct Axis {
+    /// Name of the axis.
+    pub name: String,
+    /// Unit of the axis.
+    pub unit: String,
+    /// Number of nodes.
+    pub size: usize,
 }
 
 impl Axis {
-    pub(crate) fn new(name: &str, unit: &str, size: usize) -> Self {
+    /// Describes an axis.
+    pub fn new(name: &str, unit: &str, size: usize) -> Self {
         Axis { name: name.to_string(), unit: unit.to_string(), size }
     }
 }
 
-/// Smallest, mean and greatest value of an array, for the JSON document. Empty arrays give zeros.
+/// Minimum, mean and maximum of an array, for the JSON document. For an empty array they are 0.
 #[derive(serde::Serialize)]
-pub(crate) struct Summary {
+pub struct Summary {
     min: f64,
     mean: f64,
     max: f64,
 }
 
 impl Summary {
-    pub(crate) fn from_values(values: impl Iterator<Item = f64>) -> Self {
+    /// Summarizes some values.
+    pub fn from_values(values: impl Iterator<Item = f64>) -> Self {
         let (mut min, mut max, mut sum, mut n) = (f64::INFINITY, f64::NEG_INFINITY, 0.0, 0u64);
         for v in values {
             (min, max, sum, n) = (min.min(v), max.max(v), sum + v, n + 1);

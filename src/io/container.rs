@@ -1,7 +1,8 @@
 //! The container of plywave's files: safetensors with one JSON document in its metadata
 //! (`docs/reference/format/index.md`).
 //!
-//! Reading checks names, types and shapes and returns owned arrays; their owners check the values.
+//! Reading checks names, types and shapes and returns owned arrays. The types that own the arrays check the
+//! values.
 
 use crate::math::half::{from_half, to_half};
 use crate::{Error, Result};
@@ -12,31 +13,31 @@ use std::path::Path;
 
 /// Key of the JSON document in the safetensors metadata.
 pub(crate) const KEY: &str = "plywave";
-/// Largest header accepted. A table's header is a few kilobytes plus the spec's text.
+/// Maximum size of a header. The header of a table is a few kilobytes plus the text of the spec.
 const MAX_HEADER: u64 = 16 << 20;
 
 /// Kind of content of a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum FileKind {
-    /// A [`crate::table::Table`].
+    /// A `plywave_tables::Table`.
     Table,
     /// A ply model, [`crate::ply::PlyData`].
     Model,
-    /// Scattering of a fiber, [`crate::fiber::FiberTable`].
+    /// Scattering of a fiber, `plywave_fiber::FiberTable`.
     Fiber,
-    /// Patterns of single fibers, [`crate::speckle::SpecklePatterns`].
+    /// Patterns of single fibers, `plywave_tables::speckle::SpecklePatterns`.
     Speckle,
-    /// Path-traced scattering of a cloth's explicit fibers, [`crate::twin::ClothTwin`].
+    /// Path-traced scattering of a cloth's explicit fibers, `plywave_tables::twin::ClothTwin`.
     Twin,
     /// A continuous family of plies, [`crate::ply::FamilyData`].
     Family,
-    /// A cloth, ready for shading, [`crate::cloth::ClothData`].
+    /// A cloth prepared for shading, [`crate::cloth::ClothData`].
     Cloth,
 }
 
 impl FileKind {
-    /// Format name in the file.
-    pub(crate) fn format(self) -> &'static str {
+    /// Name of the format in the file.
+    pub fn format(self) -> &'static str {
         match self {
             FileKind::Table => "plywave-table",
             FileKind::Model => "plywave-ply",
@@ -48,22 +49,32 @@ impl FileKind {
         }
     }
 
-    /// Version of the format that this program writes and reads.
-    pub(crate) fn version(self) -> u64 {
+    /// Name of the content in errors, for content that is not in a file yet.
+    pub fn name(self) -> &'static str {
         match self {
-            // 2: energies as splines on separate grids. 3: noise as sources.
-            FileKind::Model => 3,
-            FileKind::Table
-            | FileKind::Fiber
-            | FileKind::Speckle
-            | FileKind::Twin
-            | FileKind::Family
-            | FileKind::Cloth => 1,
+            FileKind::Table => "table",
+            FileKind::Model => "model",
+            FileKind::Fiber => "fiber table",
+            FileKind::Speckle => "speckle patterns",
+            FileKind::Twin => "twin",
+            FileKind::Family => "family",
+            FileKind::Cloth => "cloth",
         }
     }
 
-    /// Largest file that is read [bytes]: the largest number of cells that a spec allows, and as much again
-    /// for the rest.
+    /// Version of the format that this program writes and reads.
+    pub fn version(self) -> u64 {
+        match self {
+            // 2: energies as splines on separate grids. 3: noise as sources.
+            FileKind::Model => 3,
+            // 2: brightness in all meanings of colors.
+            FileKind::Cloth => 3,
+            FileKind::Table | FileKind::Fiber | FileKind::Speckle | FileKind::Twin | FileKind::Family => 1,
+        }
+    }
+
+    /// Maximum size of a file [bytes]: the maximum number of cells that a spec allows, and as much again for
+    /// other content.
     pub fn most_bytes(self) -> u64 {
         match self {
             FileKind::Table => 4 << 30,
@@ -89,7 +100,7 @@ impl FileKind {
 /// The kind of a file from its header alone, without reading the arrays.
 ///
 /// # Errors
-/// [`Error::Io`] if the file cannot be read, [`Error::Format`] if it is not a plywave file or has another
+/// [`Error::Io`] if the file cannot be read; [`Error::Format`] if it is not a plywave file or has another
 /// version.
 pub fn file_kind(path: impl AsRef<Path>) -> Result<FileKind> {
     let path = path.as_ref();
@@ -120,7 +131,7 @@ pub fn file_kind(path: impl AsRef<Path>) -> Result<FileKind> {
     Ok(kind)
 }
 
-/// The keys that determine the meaning of the rest of the document.
+/// The keys that determine the meaning of the other keys of the document.
 #[derive(serde::Deserialize)]
 struct Head {
     format: String,
@@ -150,17 +161,18 @@ pub(crate) fn format_error(file: &str, what: &str, hint: &str) -> Error {
     Error::Format { file: file.to_string(), what: what.to_string(), hint: hint.to_string() }
 }
 
-pub(crate) fn invalid(file: &str, key: &str, value: impl std::fmt::Display, hint: &str) -> Error {
+/// An error about `key` of a file.
+pub fn invalid(file: &str, key: &str, value: impl std::fmt::Display, hint: &str) -> Error {
     Error::Invalid { file: file.to_string(), key: key.to_string(), value: value.to_string(), hint: hint.to_string() }
 }
 
-/// The message of an error, on one line and of bounded length (it may quote the file).
+/// The message of an error, on one line and of bounded length, since it may quote the file.
 pub(crate) fn one_line(e: &dyn std::fmt::Display) -> String {
     crate::one_line(&e.to_string(), 160)
 }
 
-/// Arrays to write, in the order of the calls (safetensors then sorts them by type and name).
-pub(crate) struct Writer {
+/// Arrays to write, in the order of the calls. (safetensors then sorts them by type and name.)
+pub struct Writer {
     tensors: Vec<(&'static str, Dtype, Vec<usize>, Vec<u8>)>,
 }
 
@@ -169,32 +181,36 @@ impl Writer {
         Writer { tensors: Vec::new() }
     }
 
-    pub(crate) fn f64(&mut self, name: &'static str, shape: &[usize], values: &[f64]) {
+    /// Adds a tensor of F64.
+    pub fn f64(&mut self, name: &'static str, shape: &[usize], values: &[f64]) {
         let bytes = values.iter().flat_map(|v| v.to_le_bytes()).collect();
         self.tensors.push((name, Dtype::F64, shape.to_vec(), bytes));
     }
 
-    pub(crate) fn f32(&mut self, name: &'static str, shape: &[usize], values: impl Iterator<Item = f32>) {
+    /// Adds a tensor of F32.
+    pub fn f32(&mut self, name: &'static str, shape: &[usize], values: impl Iterator<Item = f32>) {
         let bytes = values.flat_map(f32::to_le_bytes).collect();
         self.tensors.push((name, Dtype::F32, shape.to_vec(), bytes));
     }
 
-    /// In half precision.
-    pub(crate) fn f16(&mut self, name: &'static str, shape: &[usize], values: impl Iterator<Item = f32>) {
+    /// Adds a tensor of F16, rounded to the nearest value.
+    pub fn f16(&mut self, name: &'static str, shape: &[usize], values: impl Iterator<Item = f32>) {
         let bytes = values.flat_map(|v| to_half(v).to_le_bytes()).collect();
         self.tensors.push((name, Dtype::F16, shape.to_vec(), bytes));
     }
 
-    pub(crate) fn u8(&mut self, name: &'static str, shape: &[usize], values: &[u8]) {
+    /// Adds a tensor of U8.
+    pub fn u8(&mut self, name: &'static str, shape: &[usize], values: &[u8]) {
         self.tensors.push((name, Dtype::U8, shape.to_vec(), values.to_vec()));
     }
 
-    pub(crate) fn u64(&mut self, name: &'static str, shape: &[usize], values: &[u64]) {
+    /// Adds a tensor of U64.
+    pub fn u64(&mut self, name: &'static str, shape: &[usize], values: &[u64]) {
         let bytes = values.iter().flat_map(|v| v.to_le_bytes()).collect();
         self.tensors.push((name, Dtype::U64, shape.to_vec(), bytes));
     }
 
-    /// The bytes of the file. `file` names it in errors.
+    /// The bytes of the file; `file` names it in errors.
     pub(crate) fn finish(self, file: &str, document: &impl serde::Serialize) -> Result<Vec<u8>> {
         let text = serde_json::to_string(document)
             .map_err(|e| format_error(file, &one_line(&e), "the values cannot be written as JSON"))?;
@@ -210,7 +226,7 @@ impl Writer {
 }
 
 /// A parsed file: its arrays by name.
-pub(crate) struct Reader<'a> {
+pub struct Reader<'a> {
     file: &'a str,
     kind: FileKind,
     metadata: Metadata,
@@ -218,12 +234,13 @@ pub(crate) struct Reader<'a> {
 }
 
 impl<'a> Reader<'a> {
-    /// Parses the header; also returns the text of the JSON document. Only `names` are allowed as tensors.
+    /// Parses the header, and also returns the text of the JSON document. Tensors with other names than
+    /// `names` are errors.
     pub(crate) fn open(file: &'a str, bytes: &'a [u8], kind: FileKind, names: &[&str]) -> Result<(Self, String)> {
         let damaged = |what: &str| format_error(file, what, kind.remake());
         match bytes.first_chunk::<8>().map(|n| u64::from_le_bytes(*n)) {
             None => return Err(damaged("shorter than a safetensors header")),
-            // The number is not reported: in a foreign file it is part of the file's text.
+            // The number is not reported because in a foreign file it is part of the file's text.
             Some(n) if n > MAX_HEADER => return Err(damaged(&format!("header of more than {MAX_HEADER} bytes"))),
             Some(_) => {}
         }
@@ -257,12 +274,15 @@ impl<'a> Reader<'a> {
     }
 
     /// Name of the file in errors.
-    pub(crate) fn file(&self) -> &'a str {
+    pub fn file(&self) -> &'a str {
         self.file
     }
 
     /// Keys of the JSON document.
-    pub(crate) fn keys<D: serde::de::DeserializeOwned>(&self, text: &str) -> Result<D> {
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] or [`Error::Format`] if a key is missing or has another type.
+    pub fn keys<D: serde::de::DeserializeOwned>(&self, text: &str) -> Result<D> {
         serde_json::from_str(text)
             .map_err(|e| format_error(self.file, &format!("metadata {KEY}: {}", one_line(&e)), self.kind.remake()))
     }
@@ -279,12 +299,15 @@ impl<'a> Reader<'a> {
     }
 
     /// Whether there is a tensor `name`, for optional ones.
-    pub(crate) fn has(&self, name: &str) -> bool {
+    pub fn has(&self, name: &str) -> bool {
         self.metadata.info(name).is_some()
     }
 
     /// Shape of tensor `name`, which must have `rank` axes.
-    pub(crate) fn shape(&self, name: &str, rank: usize) -> Result<Vec<usize>> {
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] or [`Error::Format`] if the tensor is missing or has another rank.
+    pub fn shape(&self, name: &str, rank: usize) -> Result<Vec<usize>> {
         let (info, _) = self.info(name)?;
         if info.shape.len() != rank {
             return Err(invalid(self.file, name, format!("{:?}", info.shape), &format!("expected {rank} axes")));
@@ -304,7 +327,10 @@ impl<'a> Reader<'a> {
     }
 
     /// A tensor of floats, F64 or F32, of this shape.
-    pub(crate) fn f64(&self, name: &str, shape: &[usize]) -> Result<Vec<f64>> {
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] or [`Error::Format`] if the tensor is missing or has another type or shape.
+    pub fn f64(&self, name: &str, shape: &[usize]) -> Result<Vec<f64>> {
         let (info, bytes) = self.info(name)?;
         self.check_shape(name, info, shape)?;
         match info.dtype {
@@ -315,7 +341,10 @@ impl<'a> Reader<'a> {
     }
 
     /// A tensor of F32 of this shape.
-    pub(crate) fn f32(&self, name: &str, shape: &[usize]) -> Result<Vec<f32>> {
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] or [`Error::Format`] if the tensor is missing or has another type or shape.
+    pub fn f32(&self, name: &str, shape: &[usize]) -> Result<Vec<f32>> {
         let (info, bytes) = self.info(name)?;
         self.check_shape(name, info, shape)?;
         match info.dtype {
@@ -325,7 +354,10 @@ impl<'a> Reader<'a> {
     }
 
     /// A tensor of F16 of this shape.
-    pub(crate) fn f16(&self, name: &str, shape: &[usize]) -> Result<Vec<f32>> {
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] or [`Error::Format`] if the tensor is missing or has another type or shape.
+    pub fn f16(&self, name: &str, shape: &[usize]) -> Result<Vec<f32>> {
         let (info, bytes) = self.info(name)?;
         self.check_shape(name, info, shape)?;
         match info.dtype {
@@ -335,7 +367,10 @@ impl<'a> Reader<'a> {
     }
 
     /// A tensor of U8 of this shape.
-    pub(crate) fn u8(&self, name: &str, shape: &[usize]) -> Result<Vec<u8>> {
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] or [`Error::Format`] if the tensor is missing or has another type or shape.
+    pub fn u8(&self, name: &str, shape: &[usize]) -> Result<Vec<u8>> {
         let (info, bytes) = self.info(name)?;
         self.check_shape(name, info, shape)?;
         match info.dtype {
@@ -345,7 +380,10 @@ impl<'a> Reader<'a> {
     }
 
     /// A tensor of U64 of this shape.
-    pub(crate) fn u64(&self, name: &str, shape: &[usize]) -> Result<Vec<u64>> {
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] or [`Error::Format`] if the tensor is missing or has another type or shape.
+    pub fn u64(&self, name: &str, shape: &[usize]) -> Result<Vec<u64>> {
         let (info, bytes) = self.info(name)?;
         self.check_shape(name, info, shape)?;
         match info.dtype {

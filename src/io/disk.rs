@@ -1,4 +1,4 @@
-//! Reading and writing of whole files. Every reader has a limit of size and accepts only regular files; every
+//! Reading and writing of whole files. Every reader has a size limit and accepts only regular files. Every
 //! writer leaves a complete file or none.
 
 use super::utf8;
@@ -9,18 +9,18 @@ use std::hash::{BuildHasher, Hasher};
 use std::io::{BufWriter, ErrorKind, Read, Take, Write};
 use std::path::{Path, PathBuf};
 
-/// Largest number of symbolic links to follow to an output's target, as in Linux.
+/// Maximum number of symbolic links that are followed to the target of an output, as in Linux.
 const MAX_LINKS: usize = 40;
-/// Prefix and suffix of the names of files while they are written.
+/// Prefix and suffix of the names of files while they are being written.
 const TEMPORARY: [&str; 2] = [".plywave-", ".tmp"];
-/// Largest number of temporary names to try, and of attempts to lock a file.
+/// Maximum number of temporary names that are tried, and of attempts to lock a file.
 const MAX_TRIES: usize = 100;
 
 fn shown(path: &Path) -> String {
     path.display().to_string()
 }
 
-/// What makes an error of the system one about a path.
+/// Converts an error of the system into one about a path.
 pub(super) fn error_at(path: &Path) -> impl Fn(std::io::Error) -> Error + use<> {
     let file = shown(path);
     move |source| Error::Io { file: file.clone(), source }
@@ -30,13 +30,13 @@ fn format_error(path: &Path, what: String, hint: &str) -> Error {
     Error::Format { file: shown(path), what, hint: hint.to_string() }
 }
 
-/// Name of the type of a file that is not regular.
+/// Name of the type of a file that is not regular, for messages.
 fn kind_of(metadata: &Metadata) -> &'static str {
     if metadata.is_dir() { "a folder" } else { "a device, pipe or socket" }
 }
 
-/// Refuses a file that is not regular. The check precedes opening, which would wait for the other end of a
-/// pipe.
+/// Returns an error if a file is not regular. The check comes before opening the file, because opening a pipe
+/// would wait for its other end.
 fn regular(path: &Path, metadata: &Metadata) -> Result<()> {
     if metadata.is_file() {
         return Ok(());
@@ -44,59 +44,59 @@ fn regular(path: &Path, metadata: &Metadata) -> Result<()> {
     Err(format_error(path, format!("{}, not a regular file", kind_of(metadata)), "give a regular file"))
 }
 
-/// Opens a regular file of at most `most` bytes for reading. If it grows meanwhile, reading stops at one byte
-/// more.
+/// Opens a regular file of at most `max_bytes` bytes for reading. If the file grows in the meantime, reading
+/// stops after one byte more.
 ///
 /// # Errors
-/// [`Error::Io`] if it cannot be opened, [`Error::Format`] for a folder, device, pipe or socket, and for a
+/// [`Error::Io`] if it cannot be opened; [`Error::Format`] for a folder, device, pipe or socket, and for a
 /// larger file.
-pub fn open_file(path: impl AsRef<Path>, most: u64) -> Result<Take<File>> {
+pub fn open_file(path: impl AsRef<Path>, max_bytes: u64) -> Result<Take<File>> {
     let path = path.as_ref();
     regular(path, &fs::metadata(path).map_err(error_at(path))?)?;
     let file = File::open(path).map_err(error_at(path))?;
-    // The name may refer to another file meanwhile.
+    // The name may refer to another file by now.
     let metadata = file.metadata().map_err(error_at(path))?;
     regular(path, &metadata)?;
-    if metadata.len() > most {
-        return Err(too_large(path, most));
+    if metadata.len() > max_bytes {
+        return Err(too_large(path, max_bytes));
     }
-    Ok(file.take(most.saturating_add(1)))
+    Ok(file.take(max_bytes.saturating_add(1)))
 }
 
-fn too_large(path: &Path, most: u64) -> Error {
-    format_error(path, format!("larger than {most} bytes"), "use a smaller file")
+fn too_large(path: &Path, max_bytes: u64) -> Error {
+    format_error(path, format!("larger than {max_bytes} bytes"), "use a smaller file")
 }
 
-/// The bytes of a regular file of at most `most` bytes.
+/// The bytes of a regular file of at most `max_bytes` bytes.
 ///
 /// # Errors
-/// As [`open_file`], and [`Error::Format`] for a larger file.
-pub fn read_file(path: impl AsRef<Path>, most: u64) -> Result<Vec<u8>> {
+/// Those of [`open_file`], and [`Error::Format`] for a larger file.
+pub fn read_file(path: impl AsRef<Path>, max_bytes: u64) -> Result<Vec<u8>> {
     let path = path.as_ref();
-    let mut file = open_file(path, most)?;
+    let mut file = open_file(path, max_bytes)?;
     let size = file.get_ref().metadata().map_err(error_at(path))?.len();
     let mut bytes = Vec::new();
     if bytes.try_reserve_exact(size as usize + 1).is_err() {
         return Err(format_error(path, format!("{size} bytes do not fit in memory"), "use a smaller file"));
     }
     file.read_to_end(&mut bytes).map_err(error_at(path))?;
-    if bytes.len() as u64 > most { Err(too_large(path, most)) } else { Ok(bytes) }
+    if bytes.len() as u64 > max_bytes { Err(too_large(path, max_bytes)) } else { Ok(bytes) }
 }
 
-/// The text of a regular file of at most `most` bytes in UTF-8.
+/// The text of a regular file of at most `max_bytes` bytes in UTF-8.
 ///
 /// # Errors
-/// As [`read_file`], and [`Error::Format`] for bytes that are not UTF-8.
-pub fn read_text(path: impl AsRef<Path>, most: u64) -> Result<String> {
+/// Those of [`read_file`], and [`Error::Format`] for bytes that are not UTF-8.
+pub fn read_text(path: impl AsRef<Path>, max_bytes: u64) -> Result<String> {
     let path = path.as_ref();
-    utf8(read_file(path, most)?, &shown(path))
+    utf8(read_file(path, max_bytes)?, &shown(path))
 }
 
-/// The file that an output path refers to: the target of its symbolic links. It need not exist.
+/// The file that an output path refers to, which is the target of its symbolic links. It need not exist.
 ///
 /// # Errors
-/// [`Error::Format`] for a folder, device, pipe or socket, a file that is write-protected, and a path without
-/// file name; [`Error::Io`].
+/// [`Error::Format`] for a folder, device, pipe or socket, for a write-protected file, and for a path without
+/// a file name; [`Error::Io`] if the path cannot be read.
 pub fn output_target(path: impl AsRef<Path>) -> Result<PathBuf> {
     let path = path.as_ref();
     let mut target = path.to_path_buf();
@@ -127,20 +127,20 @@ pub fn output_target(path: impl AsRef<Path>) -> Result<PathBuf> {
     Ok(target)
 }
 
-/// Writes `bytes` as the whole content of a file, as [`write_file_with`].
+/// Writes `bytes` as the whole content of a file, in the way of [`write_file_with`].
 ///
 /// # Errors
-/// As [`write_file_with`].
+/// Those of [`write_file_with`].
 pub fn write_file(path: impl AsRef<Path>, bytes: &[u8]) -> Result<()> {
     write_file_with(path, |out| out.write_all(bytes))
 }
 
-/// Writes a file piece by piece: to a new file of random name in the same folder, which is flushed to the
-/// disk and renamed. `path` has the old content or the new one, never a part. A symbolic link is kept and its
-/// target written; an existing file keeps its permissions.
+/// Writes a file piece by piece. The content goes to a new file of random name in the same folder, which is
+/// flushed to the disk and then renamed, so `path` has the old content or the new content, never a part of
+/// it. A symbolic link is preserved and its target is written. An existing file keeps its permissions.
 ///
 /// # Errors
-/// As [`output_target`], and [`Error::Io`]. On an error the temporary file is removed.
+/// Those of [`output_target`], and [`Error::Io`]. After an error the temporary file is removed.
 pub fn write_file_with(
     path: impl AsRef<Path>,
     write: impl FnOnce(&mut dyn Write) -> std::io::Result<()>,
@@ -156,11 +156,11 @@ pub fn write_file_with(
         fs::rename(&temporary, &target)
     });
     if written.is_err() {
-        // The first error is reported; a leftover that cannot be removed does not change it.
+        // The first error is reported. Failure to remove the temporary file does not change it.
         let _ = fs::remove_file(&temporary);
     }
     written.map_err(error_at(path))?;
-    // The rename is on the disk once the folder is; some file systems do not support flushing a folder.
+    // The rename is on the disk once the folder is. Some file systems do not support flushing a folder.
     if let Ok(folder) = File::open(folder) {
         let _ = folder.sync_all();
     }
@@ -168,14 +168,14 @@ pub fn write_file_with(
 }
 
 /// Locks a file, which is created if absent, for as long as the handle lives; `None` while another process
-/// holds the lock. The system releases the lock of a process that ends in any way; the first holder to finish
-/// removes the file. On file systems without locks every process gets the lock.
+/// holds the lock. The system releases the lock when a process ends for any reason. The first holder to
+/// finish removes the file. On file systems without locks every process gets the lock.
 ///
 /// # Errors
 /// [`Error::Io`] if it cannot be created.
 pub fn lock_file(path: impl AsRef<Path>) -> Result<Option<File>> {
     let path = path.as_ref();
-    // Another process may remove the file between its opening and its locking: the next attempt creates it
+    // Another process may remove the file between opening and locking. The next attempt then creates it
     // again.
     for _ in 0..MAX_TRIES {
         let mut options = OpenOptions::new();
@@ -205,7 +205,7 @@ fn is_there(_: &File, path: &Path) -> bool {
     path.exists()
 }
 
-/// Whether a name is that of a file being written, as a killed program leaves behind.
+/// Whether a name is that of a file that is being written; a killed program leaves such files behind.
 pub fn is_temporary(name: &str) -> bool {
     name.starts_with(TEMPORARY[0]) && name.ends_with(TEMPORARY[1])
 }
@@ -230,7 +230,7 @@ pub(super) fn create_new(folder: &Path) -> std::io::Result<(PathBuf, File)> {
     unused(folder, |path| OpenOptions::new().write(true).create_new(true).open(path))
 }
 
-/// An unpredictable name in `folder` at which `make` does not find another file, and what it made there.
+/// An unpredictable name in `folder` at which `make` finds no other file, and what `make` returned for it.
 pub(super) fn unused<T>(folder: &Path, make: impl Fn(&Path) -> std::io::Result<T>) -> std::io::Result<(PathBuf, T)> {
     let state = std::hash::RandomState::new();
     let mut last = ErrorKind::AlreadyExists.into();
@@ -288,7 +288,7 @@ mod tests {
         assert!(lock_file(&path).unwrap().is_none());
         drop(held);
         let held = lock_file(&path).unwrap().unwrap();
-        // Removed by its holder: the next one creates it again.
+        // After its holder has removed the file, the next one creates it again.
         fs::remove_file(&path).unwrap();
         assert!(lock_file(&path).unwrap().is_some());
         drop(held);
@@ -327,7 +327,7 @@ mod tests {
             }
         }
         assert!(at("null").is_symlink());
-        // A pipe would have no end to wait for, a socket neither.
+        // A pipe or a socket has no end to wait for.
         let made = std::process::Command::new("mkfifo").arg(at("pipe")).status();
         assert!(made.unwrap().success());
         symlink(at("pipe"), at("to_pipe")).unwrap();

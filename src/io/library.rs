@@ -1,19 +1,19 @@
 //! Ply models by name: `model = "polyester"` in a cloth spec, `plywave info polyester`.
 
 use super::{AssetSource, FileKind, disk, invalid};
-use crate::{Error, PlyModel, Result};
+use crate::{Error, Result};
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 /// Environment variable with folders of models, separated as in `PATH`.
 pub const MODELS_VARIABLE: &str = "PLYWAVE_MODELS";
-/// Folder of models, relative to the program's folder.
+/// Folder of models, relative to the folder of the program.
 const SHARED: &str = "../share/plywave/models";
 /// Suffix of a model's file.
 const ENDING: &str = ".pwm";
 
-/// Models by name. `NAME` means `NAME.pwm`, which is searched beside the spec that names it, then in the
-/// library's folders in their order, then among the models compiled into the host.
+/// Models by name. `NAME` means the file `NAME.pwm`. It is searched beside the spec that names it, then in
+/// the library's folders in their order, then among the models compiled into the host.
 ///
 /// ```
 /// use plywave::io::ModelLibrary;
@@ -30,7 +30,7 @@ pub struct ModelLibrary {
 
 /// Location of a named model.
 enum Location {
-    /// A file of the spec's own source, by this name.
+    /// A file with this name in the spec's own source.
     Own(String),
     /// A file in a folder of the library.
     File(PathBuf),
@@ -55,20 +55,20 @@ impl ModelLibrary {
         ModelLibrary { folders: named.chain(shared).collect(), embedded: &[] }
     }
 
-    /// The same with a folder that is searched before the others.
+    /// The same library with a folder that is searched before the others.
     #[must_use]
     pub fn with_folder(mut self, folder: impl Into<PathBuf>) -> ModelLibrary {
         self.folders.insert(0, folder.into());
         self
     }
 
-    /// The same with compiled-in models, `(name, bytes of the file)`, which are searched last.
+    /// The same library with compiled-in models, `(name, bytes of the file)`, which are searched last.
     #[must_use]
     pub fn with_embedded(self, embedded: &'static [(&'static str, &'static [u8])]) -> ModelLibrary {
         ModelLibrary { embedded, ..self }
     }
 
-    /// Whether a text is a model's name and not a path: letters, digits, `_` and `-`.
+    /// Whether a text is the name of a model and not a path: it consists of letters, digits, `_` and `-`.
     pub fn is_name(text: &str) -> bool {
         !text.is_empty() && text.chars().all(|c| c.is_alphanumeric() || c == '_' || c == '-')
     }
@@ -85,7 +85,7 @@ impl ModelLibrary {
         names.into_iter().collect()
     }
 
-    /// The stem of a file's name if a model has it as its name: a hint for messages.
+    /// The stem of a file's name, if there is a model of that name; for hints in messages.
     fn stem(&self, file: &str) -> Option<String> {
         let stem = file.rsplit(['/', '\\']).next()?.strip_suffix(ENDING)?.to_string();
         self.names().contains(&stem).then_some(stem)
@@ -108,35 +108,35 @@ impl ModelLibrary {
             .map_or(Location::Nowhere, |(_, bytes)| Location::Embedded(bytes))
     }
 
-    /// The available models, for messages.
-    fn told(&self) -> String {
+    /// The names of the available models, for messages.
+    fn model_list(&self) -> String {
         let names = self.names();
         if names.is_empty() { "none".into() } else { names.join(", ") }
     }
 
-    /// The name in messages of the model that the file `own` names, and its bytes; `None` if it is not found.
+    /// The model called `name`, as its name for messages and its bytes; `None` if it is not found.
     fn find(&self, name: &str, own: &dyn AssetSource) -> Result<Option<(String, Vec<u8>)>> {
-        let most = FileKind::Model.most_bytes();
+        let max_bytes = FileKind::Model.most_bytes();
         Ok(Some(match self.place(name, own) {
-            Location::Own(file) => (own.display(&file), own.read(&file, most)?),
-            Location::File(path) => (path.display().to_string(), disk::read_file(&path, most)?),
+            Location::Own(file) => (own.display(&file), own.read(&file, max_bytes)?),
+            Location::File(path) => (path.display().to_string(), disk::read_file(&path, max_bytes)?),
             Location::Embedded(bytes) => (name.to_string(), bytes.to_vec()),
             Location::Nowhere => return Ok(None),
         }))
     }
 
-    /// The bytes of a model's file, or of a model by its name if there is no such file, and its name in
-    /// messages.
+    /// The name for messages and the bytes of a model, from its file, or by its name if there is no such
+    /// file.
     ///
     /// # Errors
-    /// [`Error::Io`] and [`Error::Format`] for a file that cannot be read, [`Error::Io`] for a name without a
-    /// model.
+    /// [`Error::Io`] and [`Error::Format`] for a file that cannot be read; [`Error::Io`] if no model has the
+    /// name.
     pub fn read(&self, path: impl AsRef<Path>) -> Result<(String, Vec<u8>)> {
         let path = path.as_ref();
         let here = super::Folder::new("").anywhere();
         match path.to_str() {
             Some(name) if ModelLibrary::is_name(name) => self.find(name, &here)?.ok_or_else(|| {
-                let what = format!("no such file and no model of this name; there are: {}", self.told());
+                let what = format!("no such file and no model of this name; there are: {}", self.model_list());
                 Error::Io {
                     file: super::container::one_line(&name),
                     source: std::io::Error::new(std::io::ErrorKind::NotFound, what),
@@ -146,29 +146,23 @@ impl ModelLibrary {
         }
     }
 
-    /// Loads a model's file, or a model by its name.
+    /// The name for messages and the bytes of the model that `key` of the spec `file` names: a file beside
+    /// the spec, from `own`, or a model of the library. Errors contain the file, the key and the name.
     ///
     /// # Errors
-    /// As [`ModelLibrary::read`] and [`PlyModel::from_bytes`].
-    pub fn load(&self, path: impl AsRef<Path>) -> Result<PlyModel> {
-        let (shown, bytes) = self.read(path)?;
-        PlyModel::from_bytes(&bytes, &shown)
-    }
-
-    /// The model that `key` of the spec `file` names, from the files beside the spec, `own`, or by its name:
-    /// its name in messages, and its bytes. Errors about the name give file, key and name.
-    ///
-    /// # Errors
-    /// [`Error::Invalid`] for a name without a model and a file that cannot be read.
+    /// [`Error::Invalid`] if no model has the name; otherwise the errors of reading the file.
     pub fn named(&self, file: &str, key: &str, name: &str, own: &dyn AssetSource) -> Result<(String, Vec<u8>)> {
         let refused = |hint: String| Err(invalid(file, key, super::container::one_line(&name), &hint));
-        let ships = self.stem(name);
+        let stem = self.stem(name);
         let by_name =
-            ships.as_ref().map(|stem| format!("write {key} = \"{stem}\" for the model that goes by this name"));
+            stem.as_ref().map(|stem| format!("write {key} = \"{stem}\" for the model that goes by this name"));
         let error = match self.find(name, own) {
             Ok(Some(found)) => return Ok(found),
             Ok(None) => {
-                return refused(format!("no model of this name; there are: {}; a file is named NAME.pwm", self.told()));
+                return refused(format!(
+                    "no model of this name; there are: {}; a file is named NAME.pwm",
+                    self.model_list()
+                ));
             }
             Err(error) => error,
         };

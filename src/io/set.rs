@@ -1,36 +1,36 @@
-//! Writing of several files as one: all of them are new, or all are as they were.
+//! Writing of several files as one: all have their new content, or all are unchanged.
 
 use super::disk::{create_new, error_at, fill, folder_of, output_target, unused};
 use crate::{Error, Result};
 use std::fs::{self, File};
 use std::path::{Path, PathBuf};
 
-/// A file of a set: its content lies under a temporary name in the folder of its target.
+/// A file of a set. Its content is stored under a temporary name in the folder of its target.
 struct Staged {
     path: PathBuf,
     target: PathBuf,
     temporary: PathBuf,
-    /// Another name of what was at the target.
+    /// A second name of the file that was at the target.
     old: Option<PathBuf>,
     is_placed: bool,
 }
 
-/// What is undone unless the whole set is in place.
+/// The state of a set, which is undone on drop unless the whole set is in place.
 #[derive(Default)]
 struct FileSet {
-    /// Folders that were made for it.
+    /// Folders that were created for the set.
     folders: Vec<PathBuf>,
     files: Vec<Staged>,
     is_done: bool,
 }
 
-/// Writes several files whole: either all have their new content, or all are as they were. Each is written
-/// under a temporary name beside its target and flushed to the disk; only then are they renamed, in the order
-/// given, and where a rename fails the old files come back. Folders that do not exist are made. Links,
-/// permissions and errors are those of [`super::write_file_with`].
+/// Writes several files: afterwards either all have their new content, or all are unchanged. Each is written
+/// under a temporary name beside its target and flushed to the disk. Only then are they renamed, in the given
+/// order; if a rename fails, the old files are restored. Missing folders are created. Links, permissions and
+/// errors are handled as by [`super::write_file_with`].
 ///
 /// # Errors
-/// As [`super::write_file_with`], and [`Error::Format`] for two names of one file.
+/// Those of [`super::write_file_with`], and [`Error::Format`] if two names refer to one file.
 pub fn write_files<P: AsRef<Path>, B: AsRef<[u8]>>(files: &[(P, B)]) -> Result<()> {
     let mut set = FileSet::default();
     for (path, bytes) in files {
@@ -56,7 +56,7 @@ impl FileSet {
         fill(file, |out| out.write_all(bytes)).map_err(error_at(path))
     }
 
-    /// Makes a folder and those above it, and remembers them.
+    /// Creates a folder and its missing parents, and remembers them.
     fn make_folders(&mut self, folder: &Path) -> std::io::Result<()> {
         if folder.is_dir() {
             return Ok(());
@@ -69,7 +69,7 @@ impl FileSet {
         Ok(())
     }
 
-    /// Gives all files their names.
+    /// Renames all files to their targets.
     fn place(&mut self) -> Result<()> {
         for staged in &mut self.files {
             staged.place().map_err(error_at(&staged.path))?;
@@ -78,12 +78,12 @@ impl FileSet {
         Ok(())
     }
 
-    /// Removes the other names of what was replaced, and flushes the folders: a rename is on the disk once
-    /// its folder is, and some file systems do not flush folders.
+    /// Removes the second names of replaced files and flushes the folders. A rename is on the disk once its
+    /// folder is; some file systems do not flush folders.
     fn forget_old(&self) {
         for staged in &self.files {
             if let Some(old) = &staged.old {
-                // The new files are in place: a leftover name does not change that.
+                // The new files are in place, and a remaining old name does not change that.
                 let _ = fs::remove_file(old);
             }
         }
@@ -98,9 +98,9 @@ impl FileSet {
 impl Staged {
     fn place(&mut self) -> std::io::Result<()> {
         if let Ok(old) = fs::metadata(&self.target) {
-            // What has come there since the set was begun and is no file is not moved away.
+            // If something other than a file has appeared here since the set was begun, it is not moved away.
             if !old.is_file() {
-                return Err(taken());
+                return Err(already_exists());
             }
             fs::set_permissions(&self.temporary, old.permissions())?;
             self.old = Some(second_name(&self.target)?);
@@ -110,7 +110,8 @@ impl Staged {
         Ok(())
     }
 
-    /// Brings back what was there. The first error has been reported; nothing more can be done about others.
+    /// Restores the state before. The first error has been reported already, and further errors cannot be
+    /// handled.
     fn undo(&self) {
         let _ = match (&self.old, self.is_placed) {
             (None, false) => fs::remove_file(&self.temporary),
@@ -118,23 +119,23 @@ impl Staged {
             (Some(old), true) => fs::rename(old, &self.target),
             (Some(old), false) => {
                 let _ = fs::remove_file(&self.temporary);
-                // A rename between two names of one file would leave both.
+                // Renaming between two names of one file would leave both.
                 if self.target.exists() { fs::remove_file(old) } else { fs::rename(old, &self.target) }
             }
         };
     }
 }
 
-/// A further name of a file in its folder; its only one where the file system has no hard links.
+/// A second name of a file in its folder. Without support for hard links the file is renamed to it.
 fn second_name(target: &Path) -> std::io::Result<PathBuf> {
     let name = unused(folder_of(target), |name| fs::hard_link(target, name));
     name.or_else(|_| {
-        unused(folder_of(target), |name| if name.exists() { Err(taken()) } else { fs::rename(target, name) })
+        unused(folder_of(target), |name| if name.exists() { Err(already_exists()) } else { fs::rename(target, name) })
     })
     .map(|(name, ())| name)
 }
 
-fn taken() -> std::io::Error {
+fn already_exists() -> std::io::Error {
     std::io::ErrorKind::AlreadyExists.into()
 }
 
@@ -145,7 +146,7 @@ impl Drop for FileSet {
         }
         self.files.iter().rev().for_each(Staged::undo);
         for folder in self.folders.iter().rev() {
-            // It has been filled by another program meanwhile, if it cannot be removed.
+            // If it cannot be removed, another program has put files into it in the meantime.
             let _ = fs::remove_dir(folder);
         }
     }
@@ -156,7 +157,7 @@ mod tests {
     //! A set that fails at any of its files leaves all old files and nothing else.
     use super::*;
 
-    /// Every path below a folder, and the content of files.
+    /// Every path below a folder, and the content of the files.
     fn tree(folder: &Path) -> Vec<(PathBuf, Option<Vec<u8>>)> {
         let mut all = Vec::new();
         for entry in fs::read_dir(folder).unwrap().map(|entry| entry.unwrap()) {
@@ -177,7 +178,7 @@ mod tests {
         fs::write(at("old"), b"old").unwrap();
         fs::create_dir(at("taken")).unwrap();
         let before = tree(folder.path());
-        // A folder at the place of a file, before and after the others; one file with two names.
+        // A folder at the place of a file, before and after the others; and one file with two names.
         for names in [["old", "new/deep/a", "taken"], ["taken", "old", "new/b"], ["old", "new/c", "new/c"]] {
             let files = names.map(|name| (at(name), b"next"));
             let error = write_files(&files).unwrap_err();
@@ -193,7 +194,7 @@ mod tests {
         );
     }
 
-    /// A rename that fails after others have succeeded: a folder takes the place of a file meanwhile.
+    /// A rename that fails after others have succeeded, because a folder has taken the place of a file.
     #[test]
     fn old_files_come_back_where_a_rename_fails() {
         let folder = tempfile::tempdir().unwrap();

@@ -1,4 +1,4 @@
-//! Sources of the files that a spec names.
+//! Sources of the files that a spec names: folders on disk and files in memory.
 
 use super::disk::read_file;
 use crate::{Error, Result};
@@ -6,27 +6,27 @@ use std::collections::BTreeMap;
 use std::path::{Component, Path, PathBuf};
 use std::sync::Arc;
 
-/// A source of files by the names in a spec: a folder, a map in memory, an archive, a network.
+/// A source of files by the names in a spec, such as a folder, a map in memory, an archive or a network.
 pub trait AssetSource {
-    /// The bytes of `name`, at most `most`.
+    /// The bytes of `name`, at most `max_bytes` of them.
     ///
     /// # Errors
-    /// [`Error::Io`] or [`Error::Format`] for a name that is unknown or not allowed, and for more bytes.
-    fn read(&self, name: &str, most: u64) -> Result<Vec<u8>>;
+    /// [`Error::Io`] or [`Error::Format`] if the name is unknown or not allowed, or the file is larger.
+    fn read(&self, name: &str, max_bytes: u64) -> Result<Vec<u8>>;
 
     /// Whether there is a file `name`; by default, whether it can be read.
     fn has(&self, name: &str) -> bool {
         self.read(name, u64::MAX).is_ok()
     }
 
-    /// Name of `name` in messages, such as its path.
+    /// The name that messages use for `name`, such as its path.
     fn display(&self, name: &str) -> String {
         name.to_string()
     }
 }
 
-/// Files of a folder on the disk. Names are paths relative to it and stay inside it: absolute paths, `..` and
-/// symbolic links that lead out are refused, unless [`Folder::anywhere`] allows them.
+/// Files of a folder on the disk. Names are paths relative to the folder. Absolute paths, `..` and symbolic
+/// links that lead out of the folder are errors, unless [`Folder::anywhere`] allows them.
 #[derive(Clone, Debug)]
 pub struct Folder {
     root: PathBuf,
@@ -44,13 +44,14 @@ impl Folder {
         Folder::new(path.parent().unwrap_or(Path::new("")))
     }
 
-    /// The same folder with names that may lead out of it.
+    /// The same folder, with names that may lead out of it.
     #[must_use]
     pub fn anywhere(self) -> Folder {
         Folder { anywhere: true, ..self }
     }
 
-    /// Whether a name stays in the folder, links included, or may lead out. A missing file leads nowhere.
+    /// Whether a name is allowed: it stays in the folder, links included, or may lead out. A missing file is
+    /// allowed.
     fn allows(&self, name: &str) -> bool {
         let inside = Path::new(name).components().all(|c| matches!(c, Component::Normal(_) | Component::CurDir));
         let real = |path: &Path| path.canonicalize().ok();
@@ -67,7 +68,7 @@ impl Folder {
 }
 
 impl AssetSource for Folder {
-    fn read(&self, name: &str, most: u64) -> Result<Vec<u8>> {
+    fn read(&self, name: &str, max_bytes: u64) -> Result<Vec<u8>> {
         if !self.allows(name) {
             return Err(Error::Format {
                 file: super::container::one_line(&name),
@@ -75,7 +76,7 @@ impl AssetSource for Folder {
                 hint: "use a file in that folder or below".into(),
             });
         }
-        read_file(self.path(name), most)
+        read_file(self.path(name), max_bytes)
     }
 
     fn has(&self, name: &str) -> bool {
@@ -87,7 +88,7 @@ impl AssetSource for Folder {
     }
 }
 
-/// Files in memory by name, for hosts without file system. Cloning shares the bytes.
+/// Files in memory by name, for hosts without a file system. Cloning shares the bytes.
 ///
 /// ```
 /// use plywave::io::{AssetSource, MemoryAssets};
@@ -112,7 +113,7 @@ impl MemoryAssets {
         self.files.insert(name.into(), bytes.into());
     }
 
-    /// The same with another file.
+    /// The same files and another one.
     #[must_use]
     pub fn with(mut self, name: impl Into<String>, bytes: impl Into<Arc<[u8]>>) -> MemoryAssets {
         self.insert(name, bytes);
@@ -125,12 +126,12 @@ impl AssetSource for MemoryAssets {
         self.files.contains_key(name)
     }
 
-    fn read(&self, name: &str, most: u64) -> Result<Vec<u8>> {
+    fn read(&self, name: &str, max_bytes: u64) -> Result<Vec<u8>> {
         let format =
             |what: String, hint: String| Err(Error::Format { file: super::container::one_line(&name), what, hint });
         match self.files.get(name) {
-            Some(bytes) if bytes.len() as u64 <= most => Ok(bytes.to_vec()),
-            Some(_) => format(format!("larger than {most} bytes"), "use a smaller file".into()),
+            Some(bytes) if bytes.len() as u64 <= max_bytes => Ok(bytes.to_vec()),
+            Some(_) => format(format!("larger than {max_bytes} bytes"), "use a smaller file".into()),
             None => {
                 let known: Vec<&str> = self.files.keys().map(String::as_str).take(8).collect();
                 let known = if known.is_empty() { "none".to_string() } else { known.join(", ") };
@@ -164,8 +165,8 @@ mod tests {
         assert!(matches!(source.read("none", 9), Err(Error::Io { .. })));
     }
 
-    /// A link counts as its target, whether it is the file or a folder on the way; the folder itself may be
-    /// reached by one.
+    /// A link is checked by its target, whether it is the file or a folder on the way. The folder itself may
+    /// be reached through a link.
     #[cfg(unix)]
     #[test]
     fn links_stay_inside_the_folder() {

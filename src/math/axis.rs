@@ -1,14 +1,14 @@
-//! Lookups on uniform axes: the cell of a value, and the fraction in it.
+//! Lookups on uniform axes: the cell of a value, and the fraction of the way through it.
 //!
 //! Every function takes a position in units of nodes or bins, or computes it from the nodes. Positions
-//! outside the axis count as its nearer end, NaN as the first node. The functions are inlined and
-//! branch-free; the f64 and f32 variants are the same code.
+//! outside the axis are clamped to it, and NaN gives the first node. The functions are inlined and
+//! branch-free. The f64 and f32 variants share their code.
 
 use super::simd;
 
 macro_rules! lookups {
     ($real:ty, $cell:ident, $cell_periodic:ident, $max:expr, $min:expr) => {
-        /// Cell and fraction in [0, 1] of position `t` on an axis of `nodes` nodes: the value there is
+        /// Cell and fraction in [0, 1] of position `t` on an axis of `nodes` nodes. The value there is
         /// `(1 - f) v[i] + f v[i + 1]`. The axis must have at least 2 nodes.
         #[inline(always)]
         pub fn $cell(t: $real, nodes: usize) -> (usize, $real) {
@@ -17,8 +17,8 @@ macro_rules! lookups {
             (i, t - i as $real)
         }
 
-        /// Node, next node and fraction in [0, 1] of position `t` in [0, nodes] on a closed axis, whose last
-        /// node is followed by the first.
+        /// Node, next node and fraction in [0, 1] of position `t` in [0, nodes] on a closed axis, where the
+        /// last node is followed by the first.
         #[inline(always)]
         pub fn $cell_periodic(t: $real, nodes: usize) -> (usize, usize, $real) {
             let t = $min($max(t, 0.0), nodes as $real);
@@ -32,26 +32,26 @@ macro_rules! lookups {
 lookups!(f32, cell_f32, cell_periodic_f32, simd::max, simd::min);
 lookups!(f64, cell, cell_periodic, max, min);
 
-/// The greater of two; `b` if `a` is NaN.
+/// The larger of two numbers; `b` if `a` is NaN.
 #[inline(always)]
 fn max(a: f64, b: f64) -> f64 {
     if a > b { a } else { b }
 }
 
-/// The lesser of two; `b` if `a` is NaN.
+/// The smaller of two numbers; `b` if `a` is NaN.
 #[inline(always)]
 fn min(a: f64, b: f64) -> f64 {
     if a < b { a } else { b }
 }
 
-/// [`cell`] of `x` on an axis of nodes in equal ascending steps; at least 2.
+/// [`cell`] of `x` on a uniform ascending axis of at least 2 nodes.
 #[inline]
 pub fn locate(x: f64, axis: &[f64]) -> (usize, f64) {
     let last = axis.len() - 1;
     cell((x - axis[0]) / (axis[last] - axis[0]) * last as f64, axis.len())
 }
 
-/// A uniform axis prepared for many lookups in f32: first node, nodes per unit, number of nodes.
+/// A uniform axis prepared for many lookups in f32.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct UniformAxis {
     first: f32,
@@ -60,7 +60,7 @@ pub struct UniformAxis {
 }
 
 impl UniformAxis {
-    /// An axis from nodes in equal ascending steps; at least 2.
+    /// Prepares a uniform ascending axis of at least 2 nodes.
     pub fn new(nodes: &[f64]) -> UniformAxis {
         let last = nodes.len() - 1;
         UniformAxis {
@@ -102,7 +102,7 @@ mod tests {
             let prepared = UniformAxis::new(&axis);
             assert_eq!(prepared.nodes(), nodes);
             for k in -100..4000 {
-                // 1e-3 of a cell off the nodes, where rounding cannot move a value to the next cell.
+                // 1e-3 of a cell away from the nodes, where rounding cannot move a value to the next cell.
                 let x = -2.0 + 0.00525 * f64::from(k) + 1e-4;
                 let (i, f) = searched(x, &axis);
                 let (j, g) = locate(x, &axis);
@@ -135,7 +135,7 @@ mod tests {
     fn closed_axes_go_round() {
         assert_eq!(cell_periodic(0.25, 4), (0, 1, 0.25));
         assert_eq!(cell_periodic(3.5, 4), (3, 0, 0.5));
-        // A remainder rounded up to the length is the first node again.
+        // A remainder that is rounded up to the length is the first node again.
         assert_eq!(cell_periodic(4.0, 4), (3, 0, 1.0));
         assert_eq!(cell_periodic_f32(f32::NAN, 4), (0, 1, 0.0));
         assert_eq!(cell_periodic_f32(0.5, 1), (0, 0, 0.5));

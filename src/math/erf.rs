@@ -1,11 +1,12 @@
-//! The error function and its inverse.
+//! The error function and its inverse, in f32 and f64.
 
 use super::simd::{exp2_within, fma, ln, min};
 use std::f32::consts::LOG2_E;
 
-/// The error function to 5e-7 absolute: 1.5e-7 of Abramowitz and Stegun 1964, 7.1.26, plus rounding.
+/// The error function with an absolute error of 5e-7: 1.5e-7 of Abramowitz and Stegun 1964, 7.1.26, plus
+/// rounding.
 #[inline(always)]
-pub(crate) fn fast_erf<const FMA: bool>(x: f32) -> f32 {
+pub fn fast_erf<const FMA: bool>(x: f32) -> f32 {
     let z = x.abs();
     let t = 1.0 / fma::<FMA>(0.327_591_1, z, 1.0);
     let mut p = 1.061_405_4;
@@ -15,31 +16,27 @@ pub(crate) fn fast_erf<const FMA: bool>(x: f32) -> f32 {
     (1.0 - p * t * exp2_within::<FMA>(-min(z * z, 80.0) * LOG2_E)).copysign(x)
 }
 
-/// The error function of x >= 0 to a relative 5e-7, also at small x: a quotient of polynomials, as in linear
-/// algebra libraries (Eigen, XLA); 1 beyond 4.
+/// Coefficients over x^2 of the numerator of [`erf_from_0`] over x.
+pub const OVER: [f32; 7] =
+    [-1.609_603_3e-2, -2.954_6e-3, -7.349_906_3e-4, -5.692_506_4e-5, -2.101_024e-6, 2.770_681_4e-8, -2.726_142_3e-10];
+/// Coefficients over x^2 of its denominator.
+pub const UNDER: [f32; 5] = [-1.426_474e-2, -7.373_329_2e-3, -1.682_827e-3, -2.133_740_6e-4, -1.456_607_2e-5];
+
+/// The error function of x >= 0 with a relative error of 5e-7, at small x too: a quotient of polynomials, as
+/// in linear algebra libraries (Eigen, XLA). Beyond 4 it is 1.
 #[inline(always)]
-pub(crate) fn erf_from_0(x: f32) -> f32 {
-    const OVER: [f32; 7] = [
-        -1.609_603_3e-2,
-        -2.954_6e-3,
-        -7.349_906_3e-4,
-        -5.692_506_4e-5,
-        -2.101_024e-6,
-        2.770_681_4e-8,
-        -2.726_142_3e-10,
-    ];
-    const UNDER: [f32; 5] = [-1.426_474e-2, -7.373_329_2e-3, -1.682_827e-3, -2.133_740_6e-4, -1.456_607_2e-5];
+pub fn erf_from_0(x: f32) -> f32 {
     let x = min(x, 4.0);
     let of = |c: &[f32]| c.iter().rev().fold(0.0, |sum, c| sum * (x * x) + c);
     min(x * of(&OVER) / of(&UNDER), 1.0)
 }
 
-/// The error function: its series, and 1 beyond 5, which is within 2e-12.
+/// The error function from its series. Beyond 5 it is 1, which is exact to 2e-12.
 pub fn erf(x: f64) -> f64 {
     if x.abs() > 5.0 {
         return x.signum();
     }
-    // erf x = 2/sqrt(pi) exp(-x^2) sum of 2^n x^(2n+1) / (2n+1)!!: all terms of one sign.
+    // erf x = 2/sqrt(pi) exp(-x^2) sum of 2^n x^(2n+1) / (2n+1)!!, in which all terms have the same sign.
     let (mut term, mut sum) = (x, x);
     for n in 1..120 {
         term *= 2.0 * x * x / f64::from(2 * n + 1);
@@ -48,9 +45,9 @@ pub fn erf(x: f64) -> f64 {
     sum * (-x * x).exp() * std::f64::consts::FRAC_2_SQRT_PI
 }
 
-/// The inverse error function in single precision (Giles 2010, "Approximating the erfinv function").
+/// The inverse error function in f32 (Giles 2010, "Approximating the erfinv function").
 #[inline]
-pub(crate) fn erf_inverse(x: f32) -> f32 {
+pub fn erf_inverse(x: f32) -> f32 {
     const NEAR: [f32; 9] = [
         2.810_226_4e-8,
         3.432_739_4e-7,
@@ -110,7 +107,7 @@ mod tests {
         for k in -99..100 {
             let x = 0.03 * f64::from(k);
             let (y, error) = (erf(x) as f32, f64::from(erf_inverse(erf(x) as f32)) - x);
-            // An ulp of y counts 1/erf' in x.
+            // An error of one ulp in y is an error of 1/erf' in x.
             let ulp = 1.2e-7 * f64::from(y).abs() / (std::f64::consts::FRAC_2_SQRT_PI * (-x * x).exp());
             assert!(error.abs() < 2e-6 + ulp, "{x}: off by {error}");
         }

@@ -1,22 +1,22 @@
 //! The Faddeeva function `w(z) = exp(-z^2) erfc(-i z)` in the upper half plane, and the diffraction factor of
-//! a Gaussian beam cut by two straight edges, expressed by it (Yu 2025, Eq. 12, separated).
+//! a Gaussian beam that is cut by two straight edges, expressed by it (Yu 2025, Eq. 12, separated).
 //!
-//! `w` is Weideman's rational series: with `Z = (L + i z)/(L - i z)`,
-//! `w = 2 p(Z)/(L - i z)^2 + 1/(sqrt(pi) (L - i z))`, p a polynomial whose coefficients are trapezoid sums,
-//! lowest power first (J. A. C. Weideman, "Computation of the complex error function", SIAM J. Numer. Anal.
-//! 31, 1994). It has no branches, so the f32 form vectorizes.
+//! `w` is computed by Weideman's rational series: with `Z = (L + i z)/(L - i z)`,
+//! `w = 2 p(Z)/(L - i z)^2 + 1/(sqrt(pi) (L - i z))`, where p is a polynomial whose coefficients are
+//! trapezoidal sums, lowest power first (J. A. C. Weideman, "Computation of the complex error function", SIAM
+//! J. Numer. Anal. 31, 1994). The series has no branches, so the f32 form vectorizes.
 //!
 //! The factor is `k(a, b, f) = integral_a^b exp(-x^2/w0^2 - 2 pi i f x) dx`. With s = pi f w0 and D(t) =
-//! exp(-s^2) erf(t + i s), `k = sqrt(pi)/2 w0 (D(b/w0) - D(a/w0))`. erf overflows where exp(-s^2) underflows;
-//! their product does neither: `D(t) = exp(-s^2) - E(t)`, `E(t) = exp(-t^2 - 2 i s t) w(-s + i t)` for t >=
-//! 0, and D is odd up to conjugation, `D(-t) = -conj D(t)`. So w is needed only in the upper half plane,
-//! where |w| <= 1.
+//! exp(-s^2) erf(t + i s) it is `k = sqrt(pi)/2 w0 (D(b/w0) - D(a/w0))`. erf overflows where exp(-s^2)
+//! underflows, but their product does neither: `D(t) = exp(-s^2) - E(t)` with
+//! `E(t) = exp(-t^2 - 2 i s t) w(-s + i t)` for t >= 0, and D is odd up to conjugation, `D(-t) = -conj D(t)`.
+//! So w is needed only in the upper half plane, where |w| <= 1.
 
 use super::erf::erf_from_0;
 use crate::math::simd::{exp2, fma, max, min, signed, sin_cos_half_turns};
 use std::f64::consts::PI;
 
-/// Number of terms and scale of the series in f64: good to 3e-14 relative to |w| (tested against SciPy).
+/// Number of terms and scale of the series in f64: accurate to 3e-14 relative to |w| (tested against SciPy).
 const TERMS: usize = 40;
 const SCALE: f64 = 5.318295896944989;
 const SERIES: [f64; TERMS] = [
@@ -61,8 +61,9 @@ const SERIES: [f64; TERMS] = [
     1.128073562364402e-15,
     -1.899694947394927e-15,
 ];
-/// The same in f32: rounding, 7e-7, exceeds its error.
-const TERMS_F32: usize = 16;
+/// The series in f32, whose truncation error is below the rounding error of 7e-7.
+/// Number of coefficients in single precision.
+pub const TERMS_F32: usize = 16;
 const SCALE_F32: f32 = 3.3635857;
 const SERIES_F32: [f32; TERMS_F32] = [
     1.7483959,
@@ -84,9 +85,9 @@ const SERIES_F32: [f32; TERMS_F32] = [
 ];
 
 /// `w(z)` for `z = x + i y`, y >= 0, as real and imaginary part, to 3e-14 of |w|. Below the real axis, where
-/// w grows without bound, the values are those of y = 0.
+/// w grows without bound, y is clamped to 0.
 pub fn faddeeva(x: f64, y: f64) -> [f64; 2] {
-    // Beyond 1e100 squares overflow; w is 0 there to all significant digits.
+    // Squares of numbers beyond 1e100 overflow; w is 0 there to all significant digits.
     let (x, y) = (x.clamp(-1e100, 1e100), y.clamp(0.0, 1e100));
     let d = [SCALE + y, -x];
     let norm = 1.0 / (d[0] * d[0] + d[1] * d[1]);
@@ -101,12 +102,12 @@ pub fn faddeeva(x: f64, y: f64) -> [f64; 2] {
     [2.0 * series[0] + r[0] / PI.sqrt(), 2.0 * series[1] + r[1] / PI.sqrt()]
 }
 
-/// `k(a, b, f) = integral_a^b exp(-x^2/w0^2 - 2 pi i f x) dx` [um], real and imaginary part: one of the two
-/// factors of the diffraction integral K (Yu 2025, Eq. 12). Edges in um, `f_per_um` in 1/um; no finite
-/// argument overflows.
+/// `k(a, b, f) = integral_a^b exp(-x^2/w0^2 - 2 pi i f x) dx` [um], as real and imaginary part: one of the
+/// two factors of the diffraction integral K (Yu 2025, Eq. 12). Edges are in um and `f_per_um` is in 1/um. No
+/// finite argument overflows.
 pub fn diffraction_factor(a_um: f64, b_um: f64, f_per_um: f64, w0_um: f64) -> [f64; 2] {
     let s = (PI * f_per_um * w0_um).clamp(-1e100, 1e100);
-    // sign(t) (exp(-s^2) - E), without its first term, which cancels between the edges.
+    // sign(t) (exp(-s^2) - E) without its first term, which cancels between the edges.
     let edge = |x_um: f64| {
         let t = (x_um / w0_um).abs().min(30.0);
         let w = faddeeva(-s, t);
@@ -120,16 +121,19 @@ pub fn diffraction_factor(a_um: f64, b_um: f64, f_per_um: f64, w0_um: f64) -> [f
     [scale * ((eb[2] - ea[2]) * (-s * s).exp() + eb[0] - ea[0]), scale * (eb[1] - ea[1])]
 }
 
-/// `integral_a^b exp(-2 x^2/w0^2) dx` [um]: the beam's power between two edges, per unit of its power at the
-/// center.
+/// `integral_a^b exp(-2 x^2/w0^2) dx` [um]: the beam's power between two edges relative to the power density
+/// at its center.
 pub fn power_between(a_um: f64, b_um: f64, w0_um: f64) -> f64 {
     diffraction_factor(a_um, b_um, 0.0, w0_um * std::f64::consts::FRAC_1_SQRT_2)[0].max(0.0)
 }
 
-/// One edge of a diffraction factor in f32: position in waists, without its sign.
+/// Scale and coefficients of the series in single precision.
+pub const SINGLE: (f32, [f32; TERMS_F32]) = (SCALE_F32, SERIES_F32);
+
+/// One edge of a diffraction factor in f32: its position in waists and its side.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Edge {
-    /// |x| / w0, and -1 or 1 for the side.
+    /// |x| / w0, and the side as -1 or 1.
     t: f32,
     sign: f32,
     /// exp(-t^2).
@@ -141,7 +145,7 @@ pub(crate) struct Edge {
 pub(crate) struct Factor {
     edges: [Edge; 2],
     w0_um: f32,
-    /// Scale of `|D(b) - D(a)|^2` [um] for a spectrum whose integral over f is 1; 0 where no light passes.
+    /// Scale of `|D(b) - D(a)|^2` [um] for a spectrum whose integral over f is 1; 0 if no light passes.
     scale_um: f32,
 }
 
@@ -158,9 +162,9 @@ impl Factor {
         Factor { edges: [edge(a_um), edge(b_um)], w0_um: w0_um as f32, scale_um: scale as f32 }
     }
 
-    /// [`Factor::new`] in f32, for apertures that are evaluated once: edges `before_um` below and `beyond_um`
-    /// above the beam's center, 0 or more. The power is a sum of two terms of the same sign, good to single
-    /// precision for any width of aperture.
+    /// [`Factor::new`] in f32, for apertures that are evaluated once. The edges are `before_um` below and
+    /// `beyond_um` above the beam's center, both 0 or more. The power is a sum of two terms of the same sign,
+    /// accurate to f32 rounding for any width of the aperture.
     #[inline]
     pub(crate) fn about(before_um: f32, beyond_um: f32, w0_um: f32) -> Factor {
         let edge = |x_um: f32, sign: f32| {
@@ -168,14 +172,14 @@ impl Factor {
             Edge { t, sign, amplitude: exp2::<false>(-std::f32::consts::LOG2_E * t * t) }
         };
         let edges = [edge(before_um, -1.0), edge(beyond_um, 1.0)];
-        // In waists: sqrt(pi/8) (erf(sqrt(2) t) of one edge plus that of the other).
+        // In waists, the power is sqrt(pi/8) times the sum of erf(sqrt(2) t) of both edges.
         let [a, b] = [0, 1].map(|e| erf_from_0(std::f32::consts::SQRT_2 * edges[e].t));
         let power = 0.626_657_1 * (a + b);
         let scale_um = if power > 1e-12 { 0.25 * std::f32::consts::PI * w0_um / power } else { 0.0 };
         Factor { edges, w0_um, scale_um }
     }
 
-    /// Power between the edges of this factor over that of another of the same beam.
+    /// Power between the edges of this factor relative to that of another factor of the same beam.
     pub(crate) fn power_over(&self, other: &Factor) -> f32 {
         other.scale_um / self.scale_um
     }
@@ -209,8 +213,8 @@ impl Factor {
     }
 }
 
-/// `|k|^2` of two factors, N frequencies [1/um] each, scaled to an integral of 1 over f [um]. The four edges
-/// are side by side in 4 N lanes: enough for the compiler to vectorize the loop.
+/// `|k|^2` of two factors at N frequencies [1/um] each, scaled to an integral of 1 over f [um]. The four
+/// edges lie side by side in 4 N lanes, enough for the compiler to vectorize the loop.
 #[inline(always)]
 pub(crate) fn spectra<const FMA: bool, const N: usize>(
     factors: [&Factor; 2],
@@ -251,7 +255,7 @@ pub(crate) fn spectra<const FMA: bool, const N: usize>(
     value
 }
 
-/// [`faddeeva`] in f32, y in [0, 30], |x| <= 1e5: to 1e-6 of |w|.
+/// [`faddeeva`] in f32, for y in [0, 30] and |x| <= 1e5, with an error of 1e-6 of |w|.
 #[inline(always)]
 fn faddeeva_f32<const FMA: bool>(x: f32, y: f32) -> [f32; 2] {
     let d = SCALE_F32 + y;
@@ -260,7 +264,7 @@ fn faddeeva_f32<const FMA: bool>(x: f32, y: f32) -> [f32; 2] {
     let mul = |a: [f32; 2], b: [f32; 2]| [fma::<FMA>(a[0], b[0], -a[1] * b[1]), fma::<FMA>(a[0], b[1], a[1] * b[0])];
     let z = mul([SCALE_F32 - y, x], r);
     let z2 = mul(z, z);
-    // Even and odd powers separate: half the chain.
+    // Even and odd powers are summed separately, which halves the dependency chain.
     let (mut even, mut odd) = ([SERIES_F32[TERMS_F32 - 2], 0.0], [SERIES_F32[TERMS_F32 - 1], 0.0]);
     for j in (0..TERMS_F32 / 2 - 1).rev() {
         (even, odd) = (mul(even, z2), mul(odd, z2));
@@ -277,8 +281,8 @@ fn faddeeva_f32<const FMA: bool>(x: f32, y: f32) -> [f32; 2] {
 mod tests {
     use super::*;
 
-    /// x, y, Re w, Im w from SciPy 1.16.3, `scipy.special.wofz(x + 1j*y)`; the same to the digits given from
-    /// mpmath 1.3 with 40 digits.
+    /// x, y, Re w, Im w from SciPy 1.16.3, `scipy.special.wofz(x + 1j*y)`; mpmath 1.3 with 40 digits gives
+    /// the same digits.
     const SCIPY: [[f64; 4]; 12] = [
         [0.0, 0.0, 1.0, 0.0],
         [1.0, 0.0, 0.36787944117144233, 0.6071577058413937],
@@ -308,7 +312,7 @@ mod tests {
         }
     }
 
-    /// The coefficients are Weideman's trapezoid sums.
+    /// The coefficients are Weideman's trapezoidal sums.
     #[test]
     fn series_is_the_trapezoid_sum() {
         let sum = |n: usize, terms: usize, scale: f64| {
@@ -351,7 +355,7 @@ mod tests {
         println!("w in f32: worst relative error {worst:.1e}");
     }
 
-    /// The factor of an aperture that is evaluated once equals that of [`Factor::new`], also for narrow ones.
+    /// The factor of an aperture that is evaluated once equals that of [`Factor::new`], for narrow ones too.
     #[test]
     fn factors_in_f32_follow_f64() {
         let mut worst = 0.0f32;
@@ -370,7 +374,7 @@ mod tests {
         assert!(worst < 2e-6, "scale: {worst}");
     }
 
-    /// The integral by Gauss-Legendre panels of half a period, or of a tenth of the waist.
+    /// The integral by Gauss-Legendre panels of half a period or of a tenth of the waist.
     fn quadrature(a: f64, b: f64, f: f64, w0: f64) -> [f64; 2] {
         const NODES: [(f64, f64); 5] = [
             (0.0, 0.568_888_888_888_888_9),

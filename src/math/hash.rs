@@ -1,8 +1,8 @@
-//! Hashes and the random stream made from them. None is cryptographic; all give the same numbers on every
-//! machine.
+//! Hashes, and the random stream that is built from them. None is cryptographic. All give the same numbers on
+//! every machine.
 
-/// Odd number nearest to 2^64 over the golden ratio: increment of SplitMix64, and a factor that spreads small
-/// integers over 64 bits.
+/// The odd number nearest to 2^64 divided by the golden ratio: the increment of SplitMix64, and a factor that
+/// spreads small integers over 64 bits.
 pub const GAMMA: u64 = 0x9e37_79b9_7f4a_7c15;
 
 /// The finalizer of SplitMix64 (Steele, Lea and Flood 2014): every bit of the result depends on every bit of
@@ -46,12 +46,12 @@ impl SplitMix64 {
 pub struct Fnv64(u64);
 
 impl Fnv64 {
-    /// The hash of no bytes.
+    /// The hash of an empty sequence.
     pub const fn new() -> Fnv64 {
         Fnv64(0xcbf2_9ce4_8422_2325)
     }
 
-    /// The hash with further bytes.
+    /// The hash after further bytes.
     #[must_use]
     pub fn with(self, bytes: &[u8]) -> Fnv64 {
         Fnv64(bytes.iter().fold(self.0, |h, b| (h ^ u64::from(*b)).wrapping_mul(0x0100_0000_01b3)))
@@ -102,14 +102,14 @@ mod tests {
     fn streams_are_uniform() {
         let mut stream = SplitMix64(1);
         let n = 100_000;
-        let (mut sum, mut least, mut most) = (0.0, 1.0f64, 0.0f64);
+        let (mut sum, mut lowest, mut highest) = (0.0, 1.0f64, 0.0f64);
         for _ in 0..n {
             let u = stream.next_f64();
-            (sum, least, most) = (sum + u, least.min(u), most.max(u));
+            (sum, lowest, highest) = (sum + u, lowest.min(u), highest.max(u));
         }
         let (mean, se) = (sum / f64::from(n), (1.0 / 12.0 / f64::from(n)).sqrt());
         assert!((mean - 0.5).abs() < 5.0 * se, "mean {mean}");
-        assert!((0.0..1e-3).contains(&least) && (0.999..1.0).contains(&most), "{least} {most}");
+        assert!((0.0..1e-3).contains(&lowest) && (0.999..1.0).contains(&highest), "{lowest} {highest}");
     }
 
     #[test]

@@ -1,44 +1,45 @@
 //! Branch-free scalar functions that vectorize in a loop over an array of lanes.
 //!
-//! Each takes the type parameter `FMA`: fused multiply-add if the target has it, a product and a sum
-//! elsewhere (there the fused form would be a call). Nothing here is exact to the last bit; the accuracies
-//! below are tested.
+//! Each function takes the type parameter `FMA`: a fused multiply-add if the target has it, otherwise a
+//! product and a sum (there the fused form would be a call). The functions are not exact to the last bit;
+//! tests check the accuracies below.
 
 use std::f32::consts::{FRAC_PI_2, PI};
 
 /// `a * b + c`.
 #[inline(always)]
-pub(crate) fn fma<const FMA: bool>(a: f32, b: f32, c: f32) -> f32 {
+pub fn fma<const FMA: bool>(a: f32, b: f32, c: f32) -> f32 {
     if FMA { a.mul_add(b, c) } else { a * b + c }
 }
 
-/// The greater of two; `b` if `a` is NaN.
+/// The larger of two numbers; `b` if `a` is NaN.
 #[inline(always)]
-pub(crate) fn max(a: f32, b: f32) -> f32 {
+pub fn max(a: f32, b: f32) -> f32 {
     if a > b { a } else { b }
 }
 
-/// The lesser of two; `b` if `a` is NaN.
+/// The smaller of two numbers; `b` if `a` is NaN.
 #[inline(always)]
-pub(crate) fn min(a: f32, b: f32) -> f32 {
+pub fn min(a: f32, b: f32) -> f32 {
     if a < b { a } else { b }
 }
 
 /// Adding this to |x| < 2^22 rounds x to an integer, stored in the low bits of the sum.
 const ROUND: f32 = 12_582_912.0; // 1.5 * 2^23
 
-/// `2^x` to 3e-7 relative for x in [-126, 127]; 2^-126 below and for NaN. Not valid for greater x.
+/// `2^x` with a relative error of 3e-7 for x in [-126, 127]. Smaller x and NaN give 2^-126. Larger x is not
+/// valid.
 #[inline(always)]
-pub(crate) fn exp2<const FMA: bool>(x: f32) -> f32 {
+pub fn exp2<const FMA: bool>(x: f32) -> f32 {
     exp2_within::<FMA>(max(x, -126.0))
 }
 
-/// [`exp2`] for x in [-126, 127] only; any number elsewhere.
+/// [`exp2`] for x in [-126, 127] only. The result for other x is unspecified.
 #[inline(always)]
-pub(crate) fn exp2_within<const FMA: bool>(x: f32) -> f32 {
+pub fn exp2_within<const FMA: bool>(x: f32) -> f32 {
     let shifted = x + ROUND;
     let r = x - (shifted - ROUND);
-    // Minimax on |r| <= 1/2 to 1.1e-7 relative, exact at 0.
+    // Minimax polynomial on |r| <= 1/2, with a relative error of 1.1e-7, exact at 0.
     let p = fma::<FMA>(r, 1.330_026_4e-3, 9.669_708e-3);
     let p = fma::<FMA>(p, r, 5.550_56e-2);
     let p = fma::<FMA>(p, r, 2.402_228_2e-1);
@@ -47,10 +48,10 @@ pub(crate) fn exp2_within<const FMA: bool>(x: f32) -> f32 {
     f32::from_bits(p.to_bits().wrapping_add(shifted.to_bits() << 23))
 }
 
-/// `ln x` for normal x > 0, to 1e-7 absolute plus 1e-7 relative.
+/// `ln x` for normal x > 0, with an error of 1e-7 absolute plus 1e-7 relative.
 #[inline(always)]
-pub(crate) fn ln<const FMA: bool>(x: f32) -> f32 {
-    // x = m 2^e with m in [sqrt(1/2), sqrt(2)): subtracting the bits of sqrt(1/2) moves the border of e
+pub fn ln<const FMA: bool>(x: f32) -> f32 {
+    // x = m 2^e with m in [sqrt(1/2), sqrt(2)). Subtracting the bits of sqrt(1/2) moves the border of e
     // there.
     const SQRT_HALF: u32 = 0x3f35_04f3;
     let shifted = x.to_bits().wrapping_sub(SQRT_HALF);
@@ -71,14 +72,14 @@ pub(crate) fn ln<const FMA: bool>(x: f32) -> f32 {
     fma::<FMA>(e, 0.693_359_4, r + p)
 }
 
-/// Sine and cosine of x half turns, both up to a common sign, which is the top bit of the third number.
-/// Accurate to 2e-7 for |x| <= 1000: subtracting whole half turns is exact.
+/// Sine and cosine of x half turns, both up to a common sign, which is the top bit of the third number. They
+/// are accurate to 2e-7 for |x| <= 1000, because subtracting whole half turns is exact.
 #[inline(always)]
-pub(crate) fn sin_cos_half_turns<const FMA: bool>(x: f32) -> (f32, f32, u32) {
+pub fn sin_cos_half_turns<const FMA: bool>(x: f32) -> (f32, f32, u32) {
     let shifted = x + ROUND;
     let r = x - (shifted - ROUND);
     let r2 = r * r;
-    // Minimax on |r| <= 1/2, to 4e-9 and 6e-8.
+    // Minimax polynomials on |r| <= 1/2, with errors of 4e-9 and 6e-8.
     let s = fma::<FMA>(r2, 7.722_013e-2, -5.980_452e-1);
     let s = fma::<FMA>(s, r2, 2.550_031_4);
     let s = fma::<FMA>(s, r2, -5.167_707);
@@ -90,7 +91,7 @@ pub(crate) fn sin_cos_half_turns<const FMA: bool>(x: f32) -> (f32, f32, u32) {
     (r * s, c, shifted.to_bits() << 31)
 }
 
-/// Least squares on Chebyshev nodes of [0, 1].
+/// Coefficients by least squares on the Chebyshev nodes of [0, 1].
 const ATAN: [f32; 8] = [
     0.999_999_34,
     -0.333_298_62,
@@ -102,9 +103,9 @@ const ATAN: [f32; 8] = [
     -0.004_054_559_4,
 ];
 
-/// Arc tangent of y / x in (-pi, pi], 0 where both are 0; to 4e-7.
+/// Arc tangent of y / x in (-pi, pi], with an error of 4e-7; 0 if both are 0.
 #[inline(always)]
-pub(crate) fn atan2<const FMA: bool>(y: f32, x: f32) -> f32 {
+pub fn atan2<const FMA: bool>(y: f32, x: f32) -> f32 {
     let (ax, ay) = (x.abs(), y.abs());
     let top = max(ax, ay);
     let t = if top > 0.0 { min(ax, ay) / top } else { 0.0 };
@@ -119,15 +120,15 @@ pub(crate) fn atan2<const FMA: bool>(y: f32, x: f32) -> f32 {
     if y < 0.0 { -a } else { a }
 }
 
-/// `x` with its sign changed where the top bit of `sign` is set.
+/// `x` with its sign flipped if the top bit of `sign` is set.
 #[inline(always)]
-pub(crate) fn signed(x: f32, sign: u32) -> f32 {
+pub fn signed(x: f32, sign: u32) -> f32 {
     f32::from_bits(x.to_bits() ^ sign)
 }
 
-/// Sum by halves; the length is a power of 2.
+/// Sum by halves; the length must be a power of 2.
 #[inline(always)]
-pub(crate) fn halves<const J: usize>(mut x: [f32; J]) -> f32 {
+pub fn halves<const J: usize>(mut x: [f32; J]) -> f32 {
     let mut n = J;
     while n > 1 {
         n /= 2;
@@ -152,8 +153,8 @@ mod tests {
                 assert!(err < 3e-7, "exp2({x}): got {got}, want {want}, err {err}");
             }
         }
-        let least = 2f32.powi(-126);
-        assert_eq!([exp2::<true>(f32::NAN), exp2::<true>(f32::NEG_INFINITY), exp2::<true>(-190.0)], [least; 3]);
+        let lowest = 2f32.powi(-126);
+        assert_eq!([exp2::<true>(f32::NAN), exp2::<true>(f32::NEG_INFINITY), exp2::<true>(-190.0)], [lowest; 3]);
         assert_eq!(exp2::<true>(0.0), 1.0);
     }
 

@@ -1,25 +1,26 @@
-//! The anisotropic spherical Gaussian lobe (Yu 2025, Eq. 4), its exact energy, its exact sampling.
+//! The anisotropic spherical Gaussian lobe (Yu 2025, Eq. 4): its value, exact energy and exact sampling.
 //!
-//! With u = v.x and w = v.y the factor v.z cancels the Jacobian of the projection onto the lobe's disc, so
-//! that `integral G d omega = c * integral over u^2 + w^2 <= 1 of exp(-mu1 u^2 - mu2 w^2) du dw`. The energy
-//! integral in the angle t about the axis, `c * integral of (1 - e^-a(t)) / (2 a(t)) dt` with a(t) = mu1
-//! cos^2 t + mu2 sin^2 t, turns by `tan t = sqrt(mu1/mu2) tan s` into
-//! `c pi / sqrt(mu1 mu2) * mean over s of (1 - exp(-1/b(s)))`, b(s) = cos^2 s / mu1 + sin^2 s / mu2, whose
-//! integrand is smooth and periodic: a few midpoint nodes give full accuracy.
+//! Let u = v.x and w = v.y. The factor v.z cancels the Jacobian of the projection onto the lobe's disc, so
+//! that `integral G d omega = c * integral over u^2 + w^2 <= 1 of exp(-mu1 u^2 - mu2 w^2) du dw`. In the
+//! angle t about the axis this is `c * integral of (1 - e^-a(t)) / (2 a(t)) dt` with a(t) = mu1 cos^2 t + mu2
+//! sin^2 t. The substitution `tan t = sqrt(mu1/mu2) tan s` turns it into
+//! `c pi / sqrt(mu1 mu2) * mean over s of (1 - exp(-1/b(s)))` with b(s) = cos^2 s / mu1 + sin^2 s / mu2. That
+//! integrand is smooth and periodic, so a few midpoint nodes give full accuracy.
 //!
-//! A lobe here has its *energy*, not its amplitude c: energies interpolate and add up, amplitudes do not.
+//! A lobe here stores its *energy*, not its amplitude c, because energies can be interpolated and added and
+//! amplitudes cannot.
 
 use std::f64::consts::PI;
 
 /// Number of parameters of a lobe: theta_z, phi_z, phi_xy [rad], ln mu1, ln mu2, energy.
 pub const PARAMS: usize = 6;
 
-/// One lobe by its six interpolable parameters.
+/// One lobe, by its six parameters that can be interpolated.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Lobe {
     /// Latitude of the axis z [rad].
     pub theta_z: f64,
-    /// Azimuth of the axis z [rad], not wrapped.
+    /// Azimuth of the axis z [rad], not wrapped to an interval.
     pub phi_z: f64,
     /// Rotation of x, y about z [rad]; at 0, x points along increasing azimuth and y along increasing
     /// latitude.
@@ -53,7 +54,7 @@ impl Lobe {
         [mix(cx, sx), mix(-sx, cx), [ct * cp, ct * sp, st]]
     }
 
-    /// Value in direction `v` (unit) [1/sr].
+    /// Value in the unit direction `v` [1/sr]; 0 in the hemisphere away from the axis.
     pub fn eval(&self, v: [f64; 3]) -> f64 {
         let [x, y, z] = self.frame();
         let dot = |a: [f64; 3]| a[0] * v[0] + a[1] * v[1] + a[2] * v[2];
@@ -66,18 +67,18 @@ impl Lobe {
     }
 }
 
-/// Smallest bandwidth of a lobe. At 0.2 the Gaussian factor is 0.82 or more everywhere: a flatter lobe is
+/// Minimum bandwidth of a lobe. At 0.2 the Gaussian factor is 0.82 or more everywhere, so a flatter lobe is
 /// practically the same, and the energy quadrature below keeps its accuracy.
 pub const MU_MIN: f64 = 0.2;
-/// Largest bandwidth of a lobe: a standard deviation of 0.005 rad, below the beam's own divergence.
+/// Maximum bandwidth of a lobe: a standard deviation of 0.005 rad, below the beam's own divergence.
 pub const MU_MAX: f64 = 20_000.0;
 
 /// Midpoint nodes in s over a quarter turn. The integrand 1 - exp(-1/b) is smooth in b; with 12 nodes the
 /// error is at most 1e-4 of the integral for any bandwidths >= MU_MIN (tested against the integral over t).
 const NODES: usize = 12;
 
-/// Energy of a lobe of amplitude c = 1: `integral over the unit disc of exp(-mu1 u^2 - mu2 w^2) du dw`.
-/// Tends to pi / sqrt(mu1 mu2) for large bandwidths and to pi for small ones.
+/// Energy of a lobe of amplitude c = 1: `integral over the unit disc of exp(-mu1 u^2 - mu2 w^2) du dw`. It
+/// tends to pi / sqrt(mu1 mu2) for large bandwidths and to pi for small ones.
 pub fn unit_energy(mu1: f64, mu2: f64) -> f64 {
     unit_energy_gradient(mu1, mu2).0
 }
@@ -106,7 +107,7 @@ pub fn unit_energy_gradient(mu1: f64, mu2: f64) -> (f64, f64, f64) {
 mod tests {
     use super::*;
 
-    /// The integral over t from the notes in docs/explain/papers.md, by brute force.
+    /// The integral over t of `docs/explain/papers/yu_2025.md`, by brute force.
     fn energy_over_t(mu1: f64, mu2: f64) -> f64 {
         let n = 100_000;
         (0..n)

@@ -1,20 +1,20 @@
-//! The ply model at a query (Yu 2025, 7.1): f_refl + f_high + f_edge, with optional speckle, slit light and
-//! second layer.
+//! The ply model evaluated at a query (Yu 2025, 7.1): f_refl + f_high + f_edge, with optional relief,
+//! speckle, slit light and second layer.
 //!
-//! It conserves energy: at sigma = 0 its energy is 1 at every incidence, |h| up to R + d_cut and beyond,
-//! where the beam goes straight on with its own divergence.
+//! The model conserves energy. At sigma = 0 the scattered energy plus the straight light is 1 at every
+//! incidence: for |h| up to R + d_cut, and beyond, where the beam passes with its own divergence.
 
-use super::kernel::lobes::{Cached, Lobes};
+use super::lobes::{Cached, Lobes};
 use super::model::PlyModel;
-use super::on::{PlyOn, UncachedPly};
 use super::query::{PlyQuery, PlyTerms};
+use super::single_layer::{SingleLayer, UncachedPly};
 use super::two_layers::TwoLayered;
 use crate::bsdf::Outcomes;
-use crate::speckle::Speckle;
+use crate::ply::speckle::Speckle;
 use crate::{Bsdf, BsdfSample};
 
 impl PlyModel {
-    /// The model at a query. With four wavelengths it takes 1.3 KB on the stack.
+    /// The model at a query. The result is a value on the stack; with four wavelengths it takes 1.3 KB.
     ///
     /// ```
     /// use plywave::{Bsdf, BsdfSample, PlyModel, PlyQuery};
@@ -34,28 +34,31 @@ impl PlyModel {
     #[inline(always)]
     pub fn at<'a, const N: usize>(&'a self, query: &PlyQuery<'a, N>) -> PlyBsdf<'a, N> {
         let lobes = self.cached(query.theta_i, query.h_um, query.sigma_per_um);
-        let ply = PlyOn { model: self, query: *query, lobes, speckle: self.speckle(query) };
-        // Prepared in its place: lobes are too large to move.
+        let ply = SingleLayer { model: self, query: *query, lobes, speckle: self.speckle(query) };
+        // Prepared after the move, because prepared lobes are too large to move.
         let mut bsdf = PlyBsdf { ply, two: None };
         bsdf.prepare();
         bsdf
     }
 
-    /// The model at a query, uncached: its lobes are interpolated at every call. For single calls.
+    /// The model at a query, uncached: every call interpolates its lobes, which is best if there is a single
+    /// call.
     #[inline]
     pub(crate) fn uncached_at<'a, const N: usize>(&'a self, query: &PlyQuery<'a, N>) -> UncachedPly<'a, N> {
         let lobes = self.uncached(query.theta_i, query.h_um, query.sigma_per_um);
-        PlyOn { model: self, query: *query, lobes, speckle: self.speckle(query) }
+        SingleLayer { model: self, query: *query, lobes, speckle: self.speckle(query) }
     }
 
-    /// Factors of the relief in a direction, if the query has a place and the ply shows fibers.
+    /// Factors of the relief on f_refl and f_high in a direction; `None` if the query has no place, switches
+    /// relief off, or the model has no relief.
     #[inline]
     pub(super) fn relief_at<const N: usize>(&self, query: &PlyQuery<'_, N>, w: [f32; 3]) -> Option<[f32; 2]> {
         let relief = self.relief.as_ref().filter(|_| query.relief)?;
         Some(relief.factors(query.place.as_ref()?, query.h_um, w))
     }
 
-    /// The patterns of a query, if it has a place and the model has noise.
+    /// The speckle patterns at a query; `None` if the query has no place, switches speckle off, or the model
+    /// has no noise.
     #[inline(always)]
     fn speckle<const N: usize>(&self, query: &PlyQuery<'_, N>) -> Option<Speckle<N>> {
         let noise = self.noise().filter(|_| query.speckle)?;
@@ -78,7 +81,7 @@ impl PlyModel {
 /// ```
 #[derive(Clone, Copy, Debug)]
 pub struct PlyBsdf<'a, const N: usize> {
-    ply: PlyOn<'a, Cached<'a, N>, N>,
+    ply: SingleLayer<'a, Cached<'a, N>, N>,
     two: Option<TwoLayered<N>>,
 }
 
@@ -96,12 +99,13 @@ impl<'a, const N: usize> PlyBsdf<'a, N> {
         }
     }
 
-    /// The query.
+    /// The query that this was prepared from.
     pub fn query(&self) -> &PlyQuery<'a, N> {
         &self.ply.query
     }
 
-    /// Whether a second layer is included: the query has one and the model has layer factors.
+    /// Whether a second layer is included, which requires that the query has one and the model has layer
+    /// factors.
     pub fn is_double(&self) -> bool {
         self.two.is_some()
     }
@@ -111,7 +115,7 @@ impl<'a, const N: usize> PlyBsdf<'a, N> {
         self.ply.lobes.energies().r_d
     }
 
-    /// The separate terms of f in direction `w`, smooth and without a second layer.
+    /// The separate terms of f in direction `w`, for the smooth ply without a second layer.
     pub fn terms(&self, w: [f32; 3]) -> PlyTerms<N> {
         self.ply.all().eval_pdf(w)
     }

@@ -1,5 +1,5 @@
-//! Edge lobes at run time: bandwidths interpolated for N wavelengths side by side, the lobe's value, density
-//! and sampling.
+//! Edge lobes at run time (Yu 2025, Eq. 18): bandwidths interpolated for several wavelengths side by side,
+//! and the lobe's value, density and sampling.
 
 use super::kernel::lobe::{amplitudes, disc_point, disc_share, norm, root_width, shape, sin_cos};
 use crate::math::simd::{fma, max, min};
@@ -10,20 +10,21 @@ use multiversion::{multiversion, target::target_cfg_f};
 use std::f32::consts::{FRAC_1_PI, FRAC_PI_2};
 use std::f64::consts::LOG2_E;
 
-/// Wavelengths side by side: enough for the compiler to vectorize loops over them.
+/// Wavelengths processed side by side: enough for the compiler to vectorize loops over them.
 const LANES: usize = 8;
 
-/// [`EdgeLobes`] laid out for the kernels: f32, bandwidths in the units of `layout.rs`.
+/// [`EdgeLobes`] laid out for the kernels: in f32, with bandwidths in the units of `layout.rs`.
 #[derive(Clone, Debug)]
 pub(super) struct EdgeTables {
     radius_um: f32,
     lambda: Axis,
     inside: Axis,
-    /// `[E-1][L-1]` data of a cell: at e and the next, mu1 and mu2 at lambda, mu1 and mu2 at the next.
+    /// `[E-1][L-1][2][4]`: at e and at the next e, mu1 and mu2 at lambda, then mu1 and mu2 at the next
+    /// lambda.
     cells: Vec<[[f32; 4]; 2]>,
-    /// `[E-1]`: smallest mu1 log2 e and mu2 log2 e of the cells.
-    least: Vec<[f32; 2]>,
-    /// Whether every lobe of a cell is [`NARROW`].
+    /// `[E-1]`: minima of mu1 log2 e and mu2 log2 e over the cells.
+    min_mu: Vec<[f32; 2]>,
+    /// `[E-1]`: whether every lobe of the cells is [`NARROW`].
     narrow: Vec<bool>,
     bounds: (f32, f32),
 }
@@ -42,13 +43,13 @@ impl Axis {
         Axis { first: nodes[0] as f32, per: (last as f64 / (nodes[last] - nodes[0])) as f32, last: last as f32 }
     }
 
-    /// The cell of [`Axis::place`] by truncation: `floor` is a function call on processors without SSE 4.
+    /// The cell of [`Axis::place`], by truncation: `floor` is a function call on processors without SSE 4.
     #[inline(always)]
     fn cell(&self, x: f32) -> usize {
         max(min((x - self.first) * self.per, self.last - 1.0), 0.0) as i32 as usize
     }
 
-    /// Cell and fraction, clamped to the axis; NaN counts as its end.
+    /// Cell and fraction of `x`, clamped to the axis. NaN gives an end of the axis.
     #[inline(always)]
     fn place(&self, x: f32) -> (usize, f32) {
         let t = max(min((x - self.first) * self.per, self.last), 0.0);
@@ -57,17 +58,17 @@ impl Axis {
     }
 }
 
-/// A bandwidth in the units of the kernels.
+/// A bandwidth in the units of the kernels: log2 of sqrt(mu log2 e).
 fn stored(ln_mu: f64) -> f32 {
     (0.5 * (ln_mu * LOG2_E + LOG2_E.log2())) as f32
 }
 
 impl EdgeTables {
-    /// Tables from checked lobes.
+    /// The tables of checked lobes.
     pub(super) fn new(d: &EdgeLobes) -> EdgeTables {
         let (nodes_l, nodes_e) = (d.lambda_um.len(), d.inside_um.len());
         let node = |l: usize, e: usize| [0, 1].map(|c| stored(d.ln_mu[(l * nodes_e + e) * 2 + c]));
-        let (mut cells, mut least) = (Vec::new(), Vec::new());
+        let (mut cells, mut min_mu) = (Vec::new(), Vec::new());
         for e in 0..nodes_e - 1 {
             let row = |l: usize, e: usize| {
                 let ([a, b], [c, d]) = (node(l, e), node(l + 1, e));
@@ -75,23 +76,24 @@ impl EdgeTables {
             };
             cells.extend((0..nodes_l - 1).map(|l| [row(l, e), row(l, e + 1)]));
             let nodes = || (0..nodes_l).flat_map(|l| [node(l, e), node(l, e + 1)]);
-            least.push([0, 1].map(|c| (2.0 * nodes().map(|m| m[c]).fold(f32::INFINITY, f32::min)).exp2()));
+            min_mu.push([0, 1].map(|c| (2.0 * nodes().map(|m| m[c]).fold(f32::INFINITY, f32::min)).exp2()));
         }
         let bounds = (stored(MU_MIN.ln()), stored(EDGE_MU_MAX.ln()));
         let (lambda, inside) = (Axis::new(&d.lambda_um), Axis::new(&d.inside_um));
-        let narrow = least.iter().map(|[a, b]| a.min(*b) >= NARROW).collect();
-        EdgeTables { radius_um: d.radius_um as f32, lambda, inside, cells, least, narrow, bounds }
+        let narrow = min_mu.iter().map(|[a, b]| a.min(*b) >= NARROW).collect();
+        EdgeTables { radius_um: d.radius_um as f32, lambda, inside, cells, min_mu, narrow, bounds }
     }
 
-    /// Whether edge light is zero in directions with this component across the ply: most directions are
-    /// rejected without trigonometry.
+    /// Whether edge light is zero in directions with the component `across` the ply. This rejects most
+    /// directions without trigonometry.
     #[inline]
     pub(super) fn dark(&self, h_um: f32, across: f32) -> bool {
         let e = self.inside.cell(self.radius_um - h_um.abs());
-        self.least.get(e).is_none_or(|least| least[0] * across * across > DARK)
+        self.min_mu.get(e).is_none_or(|min_mu| min_mu[0] * across * across > DARK)
     }
 
-    /// Cell and fraction of an incidence. A NaN angle counts as pi/2, a NaN offset as the edge's first node.
+    /// Cell and fraction of an incidence. A NaN latitude becomes pi/2, a NaN offset the first node of the
+    /// edge.
     #[inline(always)]
     fn at<const FMA: bool>(&self, theta_i: f32, h_um: f32) -> Edge<'_> {
         let theta = max(min(theta_i, FRAC_PI_2), -FRAC_PI_2);
@@ -100,10 +102,11 @@ impl EdgeTables {
     }
 }
 
-/// log2 of a lobe's peak over the value below which it is dark: the cutoff of [`shape`], and a little more.
+/// log2 of the ratio of a lobe's peak to the value below which it is dark: the cutoff of [`shape`], with a
+/// margin.
 const DARK: f32 = 101.0;
 
-/// mu log2 e from which the part of a lobe beyond its hemisphere, exp(-mu), is below rounding.
+/// mu log2 e from which on the part of a lobe beyond its hemisphere, exp(-mu), is below rounding.
 const NARROW: f32 = 30.0;
 
 /// The edge lobes of energy 1 at one incidence.
@@ -112,7 +115,7 @@ struct Edge<'a> {
     tables: &'a EdgeTables,
     /// Sine and cosine of theta_i.
     theta: (f32, f32),
-    /// Cell along e and the fraction in it.
+    /// Cell along e, and the fraction of the way through it.
     e: usize,
     fraction: f32,
 }
@@ -147,15 +150,15 @@ impl Edge<'_> {
         (s1, s2)
     }
 
-    /// Values [1/sr] in direction `wo` by wavelength; returns the mean over the wavelengths of the densities
-    /// with which [`Edge::sample`] returns it, 0 without `PDF`.
+    /// Writes the values [1/sr] in direction `wo`, one for each wavelength. Returns the density with which
+    /// [`Edge::sample`] samples `wo`, the mean over the wavelengths; 0 if `PDF` is false.
     #[inline(always)]
     fn eval<const FMA: bool, const PDF: bool>(&self, lambda_um: &[f32], wo: [f32; 3], values: &mut [f32]) -> f32 {
         values.fill(0.0);
         let [u, w, cz] = self.project::<FMA>(wo);
-        let Some([least1, least2]) = self.tables.least.get(self.e) else { return 0.0 };
+        let Some([min_mu1, min_mu2]) = self.tables.min_mu.get(self.e) else { return 0.0 };
         // Where the widest lobe is dark, all are; most directions are far from the lobe.
-        if !(cz > 0.0 && fma::<FMA>(least1 * u, u, least2 * w * w) < DARK) {
+        if !(cz > 0.0 && fma::<FMA>(min_mu1 * u, u, min_mu2 * w * w) < DARK) {
             return 0.0;
         }
         if self.tables.narrow.get(self.e) == Some(&true) {
@@ -165,7 +168,7 @@ impl Edge<'_> {
         }
     }
 
-    /// [`Edge::eval`] by the components of the direction; where all lobes are `CLOSE` to their axis, value
+    /// [`Edge::eval`] from the components of the direction. If `CLOSE`, all lobes are so narrow that value
     /// and density are the same and need no normalization.
     #[inline(always)]
     fn values<const FMA: bool, const PDF: bool, const CLOSE: bool>(
@@ -204,7 +207,8 @@ impl Edge<'_> {
         pdf * (1.0 / lambda_um.len().max(1) as f32)
     }
 
-    /// A direction: `v` in [0, 1) chooses the wavelength, `u` the point on its disc.
+    /// Samples a direction: `v` in [0, 1) chooses the wavelength, `u` the point on the lobe's disc. `None`
+    /// without wavelengths.
     #[inline(always)]
     fn sample<const FMA: bool>(&self, lambda_um: &[f32], v: f32, u: [f32; 2]) -> Option<[f32; 3]> {
         let count = lambda_um.len();
@@ -216,7 +220,7 @@ impl Edge<'_> {
     }
 }
 
-/// Values [1/sr] of edge light of energy 1.
+/// Values [1/sr] of edge light of energy 1, one for each wavelength.
 #[inline]
 pub(super) fn eval<const N: usize>(
     edge: &EdgeTables,
@@ -230,7 +234,7 @@ pub(super) fn eval<const N: usize>(
     values
 }
 
-/// [`eval`] and the density of [`sample`].
+/// [`eval`], and the density of [`sample`].
 #[inline]
 pub(super) fn eval_pdf<const N: usize>(
     edge: &EdgeTables,
@@ -263,7 +267,7 @@ fn eval_pdf_into(
     edge.at::<FMA>(theta_i, h_um).eval::<FMA, true>(lambda_um, wo, values)
 }
 
-/// A direction of edge light, from three numbers in [0, 1); the first chooses the wavelength.
+/// Samples a direction of edge light from three numbers in [0, 1), of which the first chooses the wavelength.
 pub(super) fn sample(edge: &EdgeTables, theta_i: f32, h_um: f32, lambda_um: &[f32], u: [f32; 3]) -> Option<[f32; 3]> {
     edge.at::<false>(theta_i, h_um).sample::<false>(lambda_um, u[0], [u[1], u[2]])
 }

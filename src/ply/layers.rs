@@ -1,9 +1,10 @@
-//! Two layers of yarn (Yu 2025, 5.4): the light that one layer reflects and transmits, and that two layers do
-//! together.
+//! Two layers of yarn (Yu 2025, 5.4): the fractions of light that one layer, and two layers together, reflect
+//! and transmit.
 //!
-//! A layer seen from above at latitude theta_i reflects the fraction `r` of the light that hits its fibers
-//! and transmits `t`, averaged over the offsets h, as for light spread evenly over the layer. Diffuse light
-//! from the other layer has `r*` and `t*`. Light bounces between the layers; the sums of the series are
+//! A layer lit from above at latitude theta_i reflects the fraction `r` of the light that hits its fibers and
+//! transmits the fraction `t`. Both are averages over the offsets h, as for light spread evenly over the
+//! layer. Diffuse light from the other layer is reflected and transmitted by the fractions `r*` and `t*`.
+//! Light bounces between the layers, and the geometric series of the bounces sums to
 //!
 //! ```text
 //! T = t_1 t*_2 / (1 - r*_1 r*_2)
@@ -21,7 +22,7 @@ use crate::math::simd::{exp2, fma, halves, max, min};
 use multiversion::{multiversion, target::target_cfg_f};
 use std::f64::consts::LOG2_E;
 
-/// [`super::LayerFactors`] laid out for evaluation: f32, averaged over h.
+/// [`super::LayerFactors`] laid out for evaluation: in f32, with the factors averaged over h.
 #[derive(Clone, Debug)]
 pub(crate) struct LayerTables {
     rows: usize,
@@ -30,23 +31,26 @@ pub(crate) struct LayerTables {
     h_last: f32,
     /// -log2 e times the path lengths [um], padded with zeros.
     path: [f32; MAX_PATHS],
-    /// Entries of a spectrum: J padded with zeros to a multiple of [`LANES`], then that of f_refl.
+    /// Entries of one spectrum: J path lengths padded with zeros to a multiple of [`LANES`], then the entry
+    /// of f_refl.
     size: usize,
-    /// `[rows][columns][size]`.
+    /// `[rows][columns][size]`: spectra of the energy scattered forward, at the nodes and half-way between
+    /// them.
     forward: Vec<f32>,
-    /// `[rows - 1][columns - 1]`, at the four corners of a cell: the sums of its block's lobes at sigma = 0,
-    /// their energies f_high, and the shares of the beam that hit fibers.
+    /// `[rows - 1][columns - 1]`, each at the four corners of a cell: the sum of the energies of its block's
+    /// lobes at sigma = 0, the energy f_high that they are scaled to, and the share of the beam that hits
+    /// fibers.
     lobes: Vec<[[f32; 4]; 3]>,
-    /// `[rows][2][size]`: r and t at the node latitudes.
+    /// `[rows][2][size]`: spectra of r and t at the latitudes.
     first: Vec<f32>,
-    /// `[2][size]`.
+    /// `[2][size]`: spectra of r* and t*.
     diffuse: Vec<f32>,
 }
 
-/// Path lengths processed side by side.
+/// Path lengths that are processed side by side.
 const LANES: usize = 8;
 
-/// A spectrum of path lengths, and the share of f_refl, which no path absorbs.
+/// A spectrum over path lengths, and the share of f_refl, which is not absorbed.
 struct Spectrum {
     refl: f32,
     high: [f32; MAX_PATHS],
@@ -57,22 +61,23 @@ impl LayerTables {
         let factors = d.layers.as_ref()?;
         let (m, h, _, j) = d.sizes();
         let (rows, columns) = (2 * m - 1, 2 * h - 1);
-        let half_nodes = half_nodes(d);
+        let half_nodes = half_nodes(&d.energies, &d.theta_i, &d.h_um);
         let at = |row: usize, column: usize| &half_nodes[row * columns + column];
         let mut first = Vec::with_capacity(rows * 2 * (1 + j));
         for row in 0..rows {
-            // Trapezoids over h; the ends, where a beam hits almost nothing, count half.
+            // The trapezoidal rule over h; the end nodes, where a beam hits almost nothing, have half the
+            // weight.
             let weight = |n: usize| if n == 0 || n + 1 == columns { 0.5 } else { 1.0 };
             let mean = |of: &dyn Fn(usize) -> f64| (0..columns).map(|n| weight(n) * of(n)).sum::<f64>();
-            let met = mean(&|n| 1.0 - at(row, n).r_d).max(f64::MIN_POSITIVE);
-            let forward = |p: usize| mean(&|n| factors.forward[(row * columns + n) * (1 + j) + p]) / met;
-            let all = |p: usize| mean(&|n| at(row, n).part(p)) / met;
+            let hit = mean(&|n| 1.0 - at(row, n).r_d).max(f64::MIN_POSITIVE);
+            let forward = |p: usize| mean(&|n| factors.forward[(row * columns + n) * (1 + j) + p]) / hit;
+            let all = |p: usize| mean(&|n| at(row, n).part(p)) / hit;
             first.extend((0..=j).map(|p| (all(p) - forward(p)) as f32));
             first.extend((0..=j).map(|p| forward(p) as f32));
         }
         let energy_high = |row: usize, column: usize| at(row, column).high.iter().sum::<f64>();
-        // Spectra of lobes sum to 1, so at sigma = 0 the sum of a block's lobes is bilinear over its corners,
-        // four half cells apart.
+        // The spectrum of a lobe sums to 1, so at sigma = 0 the sum over a block's lobes is bilinear between
+        // the block's corners, which are four half cells apart.
         let corner = d.lobes_high * PARAMS;
         let sum = |lobes: &[f64]| lobes.iter().skip(PARAMS - 1).step_by(PARAMS).sum::<f64>() as f32;
         let corner_sums: Vec<f32> = d.high.chunks_exact(corner).map(sum).collect();
@@ -112,7 +117,8 @@ impl LayerTables {
         })
     }
 
-    /// Transmittances of the path lengths; of a short list only the first are set.
+    /// Transmittances of the path lengths. For a list of J path lengths only the first J, padded to
+    /// [`LANES`], are set.
     #[inline(always)]
     fn transmittances<const FMA: bool>(&self, sigma: f32) -> [f32; MAX_PATHS] {
         let sigma = clamped_sigma(sigma);
@@ -143,7 +149,7 @@ impl LayerTables {
         sum
     }
 
-    /// Sum of the entries, each times its transmittance.
+    /// Sum of a spectrum's entries, each times its transmittance.
     #[inline(always)]
     fn absorbed<const FMA: bool>(&self, spectrum: &Spectrum, t: &[f32; MAX_PATHS]) -> f32 {
         let mut sum = [0.0; LANES];
@@ -162,7 +168,8 @@ impl LayerTables {
         of.get(i * self.size..(i + 1) * self.size).unwrap_or(&[])
     }
 
-    /// Node below `x` and the fraction to the next, for nodes 0 to `last`; 0 for NaN.
+    /// Index of the node below `x`, and the fraction of the way to the next node, for nodes 0 to `count - 1`.
+    /// `x` is clamped to the nodes; NaN gives node 0 and fraction 0.
     #[inline(always)]
     fn place(x: f32, count: usize) -> (usize, f32) {
         let x = x.clamp(0.0, (count - 1) as f32);
@@ -170,13 +177,13 @@ impl LayerTables {
         (at, if x.is_nan() { 0.0 } else { x - at as f32 })
     }
 
-    /// Node and fraction along theta_i.
+    /// Row of theta_i, and the fraction of the way to the next row.
     #[inline(always)]
     fn row(&self, theta_i: f32) -> (usize, f32) {
         Self::place(theta_i.abs() / self.theta_last * (self.rows - 1) as f32, self.rows)
     }
 
-    /// Spectra of r, t, r* and t*.
+    /// Spectra of r, t, r* and t* at a latitude.
     #[inline(always)]
     fn layer<const FMA: bool>(&self, theta_i: f32) -> [Spectrum; 4] {
         let (m, s) = self.row(theta_i);
@@ -188,14 +195,15 @@ impl LayerTables {
         ]
     }
 
-    /// Spectrum of r (0) or t (1), at the fraction `s` from row `m` to the next.
+    /// Spectrum of r (`half` = 0) or t (`half` = 1), at the fraction `s` from row `m` to the next.
     #[inline(always)]
     fn first<const FMA: bool>(&self, m: usize, s: f32, half: usize) -> Spectrum {
         let (a, b) = (self.spectrum(&self.first, m * 2 + half), self.spectrum(&self.first, m * 2 + 2 + half));
         self.mix::<FMA, 2>([(1.0 - s, a), (s, b)])
     }
 
-    /// Spectrum of the forward energy, and the factor on what absorption leaves of it.
+    /// Spectrum of the energy scattered forward, and the factor by which its absorbed sum is multiplied.
+    /// `None` if the beam hits nothing: |h| is beyond the nodes, or theta_i or h is NaN.
     #[inline(always)]
     fn forward<const FMA: bool>(&self, theta_i: f32, h_um: f32, r_d: f32) -> Option<(Spectrum, f32)> {
         // Beams beyond the nodes hit nothing.
@@ -208,38 +216,39 @@ impl LayerTables {
         let (low, high) = (m * self.columns + n, (m + 1) * self.columns + n);
         let weights = [(1.0 - s) * (1.0 - x), (1.0 - s) * x, s * (1.0 - x), s * x];
         let spectra = [low, low + 1, high, high + 1].map(|i| self.spectrum(&self.forward, i));
-        let [sums, energies, met] = self.lobes.get(m * (self.columns - 1) + n)?;
-        // Lobes are linear between the corners and then scaled to the energy, so a corner of strong lobes
-        // counts for more than its share.
+        let [sums, energies, hit] = self.lobes.get(m * (self.columns - 1) + n)?;
+        // Lobes are interpolated linearly between the corners and then scaled to the energy, so the weight of
+        // a corner is in proportion to the energy of its lobes.
         let (mut sum, mut energy, mut linear) = (0.0, 0.0, 0.0);
         for c in 0..4 {
             sum = fma::<FMA>(weights[c], sums[c], sum);
             energy = fma::<FMA>(weights[c], energies[c], energy);
-            linear = fma::<FMA>(weights[c], met[c], linear);
+            linear = fma::<FMA>(weights[c], hit[c], linear);
         }
-        // The share that hits fibers is not linear at the ply's edge, and all energies follow it.
-        let met = max(1.0 - r_d, 0.0) / max(linear, MIN);
+        // The share that hits fibers is not linear in h near the ply's edge, and all energies are in
+        // proportion to it.
+        let hit = max(1.0 - r_d, 0.0) / max(linear, MIN);
         let scale = energy / max(sum, MIN);
         let (mut corners, mut refl) = ([(0.0, spectra[0]); 4], 0.0);
         for c in 0..4 {
             let weight = weights[c] * scale * sums[c] / max(energies[c], MIN);
             corners[c] = (weight, spectra[c]);
-            // The shares of f_refl are linear.
+            // The shares of f_refl are interpolated linearly.
             if let Some(last) = spectra[c].last() {
                 refl = fma::<FMA>(weights[c] - weight, *last, refl);
             }
         }
         let mut spectrum = self.mix::<FMA, 4>(corners);
         spectrum.refl += refl;
-        Some((spectrum, met))
+        Some((spectrum, hit))
     }
 }
 
-/// Energies below this count as none.
+/// Lower bound of the divisors, against division by zero.
 const MIN: f32 = 1e-12;
 
-/// [`PlyModel::layer`], and the energy of [`PlyModel::forward_energy`] as tabulated, where the share `r_d` of
-/// the beam misses.
+/// [`PlyModel::layer`] and the tabulated [`PlyModel::forward_energy`] at an incidence at which the share
+/// `r_d` of the beam misses the fibers.
 ///
 /// [`PlyModel::layer`]: super::PlyModel::layer
 /// [`PlyModel::forward_energy`]: super::PlyModel::forward_energy
@@ -257,7 +266,7 @@ pub(super) fn layer_and_forward<const N: usize>(
     (Layer::of(layer), forward)
 }
 
-/// [`PlyModel::layer`].
+/// [`PlyModel::layer`] from the tables.
 ///
 /// [`PlyModel::layer`]: super::PlyModel::layer
 #[inline]
@@ -282,28 +291,28 @@ fn layer_into(tables: &LayerTables, theta_i: f32, sigma: &[f32], layer: &mut [[f
 #[multiversion(targets("x86_64+avx2+bmi1+bmi2+fma"))]
 fn forward_into(tables: &LayerTables, [theta_i, h_um]: [f32; 2], r_d: f32, sigma: &[f32], energy: &mut [f32]) {
     const FMA: bool = target_cfg_f!(target_feature = "fma") || cfg!(target_arch = "aarch64");
-    let Some((spectrum, met)) = tables.forward::<FMA>(theta_i, h_um, r_d) else { return };
+    let Some((spectrum, hit)) = tables.forward::<FMA>(theta_i, h_um, r_d) else { return };
     for (sigma, energy) in sigma.iter().zip(energy) {
         let t = tables.transmittances::<FMA>(*sigma);
-        *energy = max(tables.absorbed::<FMA>(&spectrum, &t), 0.0) * met;
+        *energy = max(tables.absorbed::<FMA>(&spectrum, &t), 0.0) * hit;
     }
 }
 
 /// Reflected and transmitted fractions of the light that hits one layer's fibers, for N absorptions.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Layer<const N: usize> {
-    /// Fraction reflected into the half space that the light came from, r.
+    /// Fraction r, reflected into the half space that the light came from.
     pub reflected: [f32; N],
-    /// Transmitted fraction, t.
+    /// Fraction t, transmitted to the other half space.
     pub transmitted: [f32; N],
-    /// Reflected fraction of diffuse light, r*.
+    /// Fraction r*, reflected of diffuse light.
     pub reflected_diffuse: [f32; N],
-    /// Transmitted fraction of diffuse light, t*.
+    /// Fraction t*, transmitted of diffuse light.
     pub transmitted_diffuse: [f32; N],
 }
 
 impl<const N: usize> Layer<N> {
-    /// Of r, t, r* and t* by absorption.
+    /// The layer from `[r, t, r*, t*]` for each absorption, made to conserve energy.
     fn of(of: [[f32; 4]; N]) -> Layer<N> {
         Layer {
             reflected: std::array::from_fn(|k| of[k][0]),
@@ -314,8 +323,8 @@ impl<const N: usize> Layer<N> {
         .conserved()
     }
 
-    /// Clamps the fractions to 0 or more and scales each pair to a sum of at most 1: simulated energies have
-    /// noise, and a layer scatters no more than it receives. NaN counts as 0.
+    /// Clamps the fractions to 0 or more and scales each pair to a sum of at most 1, because simulated
+    /// energies have noise and a layer cannot scatter more than it receives. NaN becomes 0.
     pub(super) fn conserved(mut self) -> Self {
         for k in 0..N {
             for (r, t) in [
@@ -330,12 +339,12 @@ impl<const N: usize> Layer<N> {
         self
     }
 
-    /// R and T of this layer with `below` beneath it (see the module).
+    /// R and T of this layer with the layer `below` beneath it, by the formulas of the module.
     pub fn over(&self, below: &Layer<N>) -> TwoLayers<N> {
         let mut two = TwoLayers { reflected: [0.0; N], transmitted: [0.0; N] };
         for k in 0..N {
             let (r1, r2) = (self.reflected_diffuse[k], below.reflected_diffuse[k]);
-            // Two layers that transmit no diffuse light would trap light forever; none are known.
+            // The denominator vanishes only for two layers that reflect all diffuse light; no real yarn does.
             let through = self.transmitted[k] / (1.0 - r1 * r2).max(1e-6);
             two.transmitted[k] = through * below.transmitted_diffuse[k];
             two.reflected[k] = self.reflected[k] + through * r2 * self.transmitted_diffuse[k];
@@ -344,11 +353,11 @@ impl<const N: usize> Layer<N> {
     }
 }
 
-/// Reflected and transmitted fractions of the light that hits the upper of two layers, for N absorptions.
+/// Reflected and transmitted fractions of the light that hits the upper one of two layers, for N absorptions.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TwoLayers<const N: usize> {
-    /// Reflected fraction, R.
+    /// Fraction R, reflected by both layers together.
     pub reflected: [f32; N],
-    /// Transmitted fraction, T.
+    /// Fraction T, transmitted through both layers.
     pub transmitted: [f32; N],
 }

@@ -1,11 +1,11 @@
 //! A ply lit along single lines instead of a beam.
 //!
-//! A model's `1 - r_d(h)` is the chance m(x) that a line at lateral position x hits a fiber, blurred by the
-//! beam: `1 - r_d = m * g`, g normal of standard deviation s = w0 / 2. A host that follows lines through
-//! several plies must not multiply such means: where two plies overlap in projection by less than s, no line
-//! passes both, but the product of the two blurred r_d is up to a quarter at the rim. m is recovered by
-//! Richardson and Lucy's iteration (Richardson 1972, "Bayesian-based iterative method of image restoration";
-//! Lucy 1974), which keeps m at 0 or more and here at 1 or less, and the integral over h to 0.2 %.
+//! A model's `1 - r_d(h)` is the probability m(x) that a line at lateral position x hits a fiber, blurred by
+//! the beam: `1 - r_d = m * g`, with g a normal distribution of standard deviation s = w0 / 2. A host that
+//! follows lines through several plies must not multiply such means: where two plies overlap in projection by
+//! less than s, no line passes both, but the product of the two blurred r_d is up to a quarter at the rim.
+//! The iteration of Richardson (1972, "Bayesian-based iterative method of image restoration") and Lucy (1974)
+//! recovers m. It keeps m in [0, 1] and the integral over h to 0.2 %.
 
 use super::data::energies::{PlyEnergies, spline_coefficients};
 use crate::math::simd::{max, min};
@@ -13,15 +13,15 @@ use std::f64::consts::FRAC_PI_2;
 
 /// Steps of the finer grid per standard deviation of the beam.
 const STEPS: f64 = 4.0;
-/// Iterations.
+/// Number of iterations.
 const ITERATIONS: usize = 60;
 
 impl PlyEnergies {
     /// The energies with r_d of lines instead of a beam of standard deviation `sd_um` [um], on a grid of h
-    /// with steps of a quarter of it, or finer. The shares of the light that hits fibers are unchanged.
+    /// with steps of at most a quarter of it. The shares of the light that hits fibers are unchanged.
     pub(super) fn of_lines(&self, sd_um: f64) -> PlyEnergies {
         let last = self.miss_h_um[self.miss_h_um.len() - 1];
-        // Nodes stay nodes: a whole number of steps between two of them.
+        // An integer number of steps between two nodes, so that the nodes stay nodes.
         let per_step = (2.0 * last / (self.miss_h_um.len() - 1) as f64 / (sd_um / STEPS)).ceil().max(1.0) as usize;
         let columns = (self.miss_h_um.len() - 1) * per_step + 1;
         let step = 2.0 * last / (columns - 1) as f64;
@@ -41,11 +41,11 @@ impl PlyEnergies {
         };
         let mut values = Vec::with_capacity(self.miss_theta_i.len() * columns);
         for theta_i in &self.miss_theta_i {
-            let met: Vec<f64> = h_um.iter().map(|h| 1.0 - self.at(*theta_i, *h).r_d).collect();
-            let mut lines = met.clone();
+            let hits: Vec<f64> = h_um.iter().map(|h| 1.0 - self.at(*theta_i, *h).r_d).collect();
+            let mut lines = hits.clone();
             for _ in 0..ITERATIONS {
                 let got = blurred(&lines);
-                let ratio: Vec<f64> = met.iter().zip(&got).map(|(m, g)| if *g > 1e-9 { m / g } else { 0.0 }).collect();
+                let ratio: Vec<f64> = hits.iter().zip(&got).map(|(m, g)| if *g > 1e-9 { m / g } else { 0.0 }).collect();
                 lines.iter_mut().zip(blurred(&ratio)).for_each(|(l, r)| *l = (*l * r).min(1.0));
             }
             values.extend(lines.iter().map(|l| 1.0 - l));
@@ -55,23 +55,23 @@ impl PlyEnergies {
     }
 }
 
-/// Latitudes and offsets of [`PassedLines`].
+/// Number of latitudes in [`PassedLines`], and number of offsets.
 pub(crate) const PASSED_ROWS: usize = 16;
 pub(crate) const PASSED_COLUMNS: usize = 65;
-/// Points at which the stretch between two offsets is sampled.
+/// Points at which r_d is sampled between two offsets.
 const LOOKS: usize = 4;
 
 /// Means of r_d of lines over intervals of offsets: the transmission of light spread evenly over an interval.
 #[derive(Clone, Debug)]
 pub(crate) struct PassedLines {
-    /// `[PASSED_ROWS][PASSED_COLUMNS]`: r_d summed from the first offset, over the last one [1]; latitudes
-    /// from 0 to a right angle.
+    /// `[PASSED_ROWS][PASSED_COLUMNS]`: the integral of r_d from the first offset, divided by the last
+    /// offset. The rows are latitudes from 0 to pi/2.
     sums: Vec<f32>,
     last_h_um: f32,
 }
 
 impl PassedLines {
-    /// The table from r_d of lines.
+    /// Tabulates r_d of lines.
     pub(super) fn new(lines: &PlyEnergies) -> PassedLines {
         let last = lines.miss_h_um[lines.miss_h_um.len() - 1];
         let step = 2.0 * last / (PASSED_COLUMNS - 1) as f64;
@@ -91,15 +91,15 @@ impl PassedLines {
         PassedLines { sums, last_h_um: last as f32 }
     }
 
-    /// The table, and the greatest offset [um].
+    /// The table, and the maximum offset [um].
     pub(crate) fn numbers(&self) -> (&[f32], f32) {
         (&self.sums, self.last_h_um)
     }
 
-    /// The mean over offsets from `low` to `high` [um] at a latitude [rad]; 1 beyond the ply.
+    /// The mean of r_d over offsets from `low` to `high` [um] at a latitude [rad]; 1 beyond the ply.
     #[inline]
     pub(crate) fn mean(&self, theta_i: f32, low: f32, high: f32) -> f32 {
-        // A negative latitude is rotated about y.
+        // A negative latitude is the mirror image: the ply is rotated about y.
         let (theta, [low, high]) = if theta_i < 0.0 { (-theta_i, [-high, -low]) } else { (theta_i, [low, high]) };
         let [low, high] = [low, high].map(|h| h / self.last_h_um);
         if low >= 1.0 || high <= -1.0 {
@@ -130,8 +130,8 @@ impl PassedLines {
 mod tests {
     use super::*;
 
-    /// Means over intervals agree with sums of r_d, on both sides and beyond the ply; a ply rotated about y
-    /// has them mirrored.
+    /// Means over intervals agree with sums of r_d, inside, on both sides of and beyond the ply. For a ply
+    /// rotated about y they are mirrored.
     #[test]
     fn means_over_stretches_are_those_of_r_d() {
         let lines = blurred().of_lines(SD);
@@ -149,9 +149,9 @@ mod tests {
 
     const SD: f64 = 5.0;
 
-    /// A ply of radius 45 that hits every line within 42 and none beyond 48, and its mean over a beam. The
-    /// rim leans outwards with theta_i.
-    fn met(theta_i: f64, x: f64) -> f64 {
+    /// A ply of radius 45 that hits every line within 42 and none beyond 48. The rim moves outwards with
+    /// theta_i.
+    fn hits(theta_i: f64, x: f64) -> f64 {
         ((48.0 + 4.0 * theta_i - x.abs()) / 6.0).clamp(0.0, 1.0)
     }
 
@@ -164,7 +164,7 @@ mod tests {
             let g = |i: i32| (-0.5 * (0.05 * f64::from(i) / SD).powi(2)).exp();
             let (mut sum, mut weight) = (0.0, 0.0);
             for i in -400..=400 {
-                sum += g(i) * met(t, h + 0.05 * f64::from(i));
+                sum += g(i) * hits(t, h + 0.05 * f64::from(i));
                 weight += g(i);
             }
             1.0 - sum / weight
@@ -190,20 +190,20 @@ mod tests {
             let (mut off, mut sums) = (0.0f64, [0.0; 2]);
             for i in -700..=700 {
                 let h = 0.1 * f64::from(i);
-                let want = 1.0 - met(t, h);
+                let want = 1.0 - hits(t, h);
                 off += 0.1 * (r_d(&lines, h) - want).abs();
                 sums[0] += 0.1 * (1.0 - r_d(&beam, h));
                 sums[1] += 0.1 * (1.0 - r_d(&lines, h));
             }
             let before: f64 =
-                (-700..=700).map(|i| 0.1 * f64::from(i)).map(|h| 0.1 * (r_d(&beam, h) - 1.0 + met(t, h)).abs()).sum();
+                (-700..=700).map(|i| 0.1 * f64::from(i)).map(|h| 0.1 * (r_d(&beam, h) - 1.0 + hits(t, h)).abs()).sum();
             assert!((sums[0] - sums[1]).abs() < 0.2, "{t}: {sums:?} um of lines");
             assert!(off < 1.7 && off < 0.3 * before, "{t}: off by {off} um, before by {before}");
         }
     }
 
-    /// Two plies side by side whose projections overlap by 8 um let no line through; nor do two that touch,
-    /// except lines through both rims.
+    /// Two plies side by side whose projections overlap by 8 um let no line through. Two plies that touch let
+    /// through only lines that pass both rims.
     #[test]
     fn plies_that_overlap_let_no_line_through() {
         let through = |e: &PlyEnergies, apart: f64| -> f64 {

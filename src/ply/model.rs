@@ -1,8 +1,12 @@
-//! A loaded ply model.
+//! A loaded ply model: the checked tensors of a file or a fit, laid out for evaluation.
+//!
+//! A model holds the lobes of f_refl and f_high over incident latitude and beam offset, the energies that
+//! they are scaled to, and optional tables: edge lobes, layer factors, exit positions, relief and speckle
+//! noise (Yu 2025, Eq. 8, 18 and 23). The methods here build the tables and read them; [`PlyModel::at`]
+//! evaluates.
 
 use super::data::PlyData;
 use super::data::exits::{EXIT_KINDS, ExitShape, ExitTables, ExitsAt};
-use super::data::file::{self, ReferenceValue};
 use super::edge;
 use super::kernel::dispatch;
 use super::kernel::layout::Layout;
@@ -12,10 +16,53 @@ use super::place::FibersAround;
 use super::queries::Queries;
 use super::query::PlyQuery;
 use super::relief::Relief;
+use crate::ply::speckle::NoiseField;
 use crate::spec::YarnSpec;
-use crate::speckle::NoiseField;
 use crate::{Bsdf, Result};
-use std::path::Path;
+
+/// A value of eval stored with the model. A host in another language, or a later version of this one,
+/// evaluates the same query to check that it computes the same.
+///
+/// The stored queries lie inside the cells of the grid, away from its nodes and from the borders of its
+/// blocks. f_high is discontinuous at those borders, so there the rounding of theta_i and h alone would
+/// decide which block is used.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+#[serde(from = "ReferenceNumbers")]
+pub struct ReferenceValue {
+    /// Incident latitude [rad].
+    pub theta_i: f32,
+    /// Beam offset [um].
+    pub h_um: f32,
+    /// Absorption [1/um].
+    pub sigma_per_um: [f32; 4],
+    /// Outgoing direction, unit.
+    pub wo: [f32; 3],
+    /// f_refl + f_high in direction `wo` [1/sr], one for each absorption.
+    pub value: [f32; 4],
+}
+
+/// A [`ReferenceValue`] as stored in files. A number beyond the range of f32 becomes infinite, and the check
+/// of the model reports it.
+#[derive(serde::Deserialize)]
+struct ReferenceNumbers {
+    theta_i: f64,
+    h_um: f64,
+    sigma_per_um: [f64; 4],
+    wo: [f64; 3],
+    value: [f64; 4],
+}
+
+impl From<ReferenceNumbers> for ReferenceValue {
+    fn from(n: ReferenceNumbers) -> ReferenceValue {
+        ReferenceValue {
+            theta_i: n.theta_i as f32,
+            h_um: n.h_um as f32,
+            sigma_per_um: n.sigma_per_um.map(|v| v as f32),
+            wo: n.wo.map(|v| v as f32),
+            value: n.value.map(|v| v as f32),
+        }
+    }
+}
 
 /// A loaded ply model, laid out for evaluation.
 ///
@@ -30,12 +77,16 @@ use std::path::Path;
 /// # }
 /// ```
 ///
-/// All angles are in radians, lengths in um, densities in 1/sr; every f is an energy density: BSDF times |cos
-/// theta_o|. Directions are unit vectors in the ply frame and are not normalized. No call allocates, fails or
-/// panics. Where |h| is beyond the nodes, or theta_i or h is NaN, the beam misses: f = 0 and r_d = 1.
-/// |theta_i| beyond the nodes counts as the last node. Absorption is clamped to [0, 1e6]; NaN counts as 0. A
-/// `wo` that is not finite, or far from unit, gives 0. Interpolated ln mu is clamped to
-/// [`crate::ply::asg::MU_MIN`] and [`crate::ply::asg::MU_MAX`], lobe energies to 0 or more.
+/// All angles are in radians, lengths in um and densities in 1/sr. Every f is an energy density: the BSDF
+/// times |cos theta_o|. Directions are unit vectors in the ply frame and are not normalized. No call
+/// allocates, fails or panics. Inputs out of range are handled as follows:
+///
+/// - If |h| is beyond the last node, or theta_i or h is NaN, the beam misses the ply: f = 0 and r_d = 1.
+/// - |theta_i| is clamped to the last node.
+/// - Absorption is clamped to [0, 1e6], and NaN is replaced by 0.
+/// - An outgoing direction that is not finite, or whose length is far from 1, gives f = 0.
+/// - Interpolated bandwidths are clamped to the range from [`MU_MIN`](crate::ply::asg::MU_MIN) to
+///   [`MU_MAX`](crate::ply::asg::MU_MAX), and lobe energies to 0 or more.
 #[derive(Clone, Debug)]
 pub struct PlyModel {
     data: PlyData,
@@ -43,34 +94,16 @@ pub struct PlyModel {
     pub(super) layout: Layout,
     layers: Option<LayerTables>,
     exits: Option<ExitTables>,
-    /// Present for a ply lit along single lines.
+    /// r_d averaged over intervals of offsets; present only if the ply is lit along single lines.
     passed: Option<PassedLines>,
     pub(super) edge: Option<edge::EdgeTables>,
-    /// Of plies whose spec has fibers to show.
+    /// Present if the spec describes a round ply of three fibers or more.
     pub(super) relief: Option<Relief>,
     pub(super) noise: Option<Box<NoiseField>>,
 }
 
 impl PlyModel {
-    /// Reads and checks a model file.
-    ///
-    /// # Errors
-    /// As [`PlyData::load`].
-    pub fn load(path: impl AsRef<Path>) -> Result<PlyModel> {
-        let path = path.as_ref();
-        PlyModel::from_bytes(&crate::io::read_bytes(path)?, &path.display().to_string())
-    }
-
-    /// Reads and checks a model from the bytes of its file; `name` identifies the file in errors.
-    ///
-    /// # Errors
-    /// As [`PlyData::load`].
-    pub fn from_bytes(bytes: &[u8], name: &str) -> Result<PlyModel> {
-        let (data, reference_values) = file::read(bytes, name)?;
-        Ok(PlyModel::from_parts(data, reference_values))
-    }
-
-    /// A model from tensors, without a file.
+    /// Builds a model from tensors, without a file.
     ///
     /// # Errors
     /// [`crate::Error::Invalid`] if a file with these tensors would be refused.
@@ -83,7 +116,7 @@ impl PlyModel {
         Ok(PlyModel::from_parts(data, Vec::new()))
     }
 
-    /// A model from checked data.
+    /// Builds a model from data that are checked already.
     pub(super) fn from_parts(data: PlyData, reference_values: Vec<ReferenceValue>) -> PlyModel {
         let edge = data.edge.as_ref().map(edge::EdgeTables::new);
         let spec = YarnSpec::parse(&data.spec_text, "model (its spec)").ok();
@@ -98,7 +131,7 @@ impl PlyModel {
         PlyModel {
             layout: Layout::new(&data),
             layers: LayerTables::new(&data),
-            exits: ExitTables::new(&data),
+            exits: data.exits.as_ref().map(|exits| ExitTables::new(exits, &data.theta_i, &data.h_um)),
             passed: None,
             edge,
             relief: spec.and_then(|spec| Relief::of_spec(&spec)),
@@ -108,12 +141,15 @@ impl PlyModel {
         }
     }
 
-    /// The same ply lit along single lines instead of a beam: r_d becomes the chance that a line misses all
-    /// fibers, and the energies follow. For hosts that follow a line through several plies, and for
-    /// [`crate::ClothQuery::models`]: a cloth uses its own plies this way.
+    /// The same ply lit along single lines instead of a beam: r_d becomes the probability that a line misses
+    /// all fibers, and the energies of the lobes are scaled accordingly. A host that follows a line through
+    /// several plies needs this model, and so does [`crate::ClothQuery::models`]; a cloth converts its own
+    /// plies.
+    ///
+    /// The beam that is removed is the one that the spec in the model defines.
     ///
     /// # Errors
-    /// Errors of the spec in the model, which defines the beam.
+    /// If the spec in the model does not parse.
     pub fn of_lines(&self) -> Result<PlyModel> {
         let mut data = self.data.clone();
         let spec = YarnSpec::parse(&data.spec_text, "model (its spec)")?;
@@ -123,12 +159,12 @@ impl PlyModel {
         Ok(PlyModel { passed, ..PlyModel::from_parts(data, Vec::new()) })
     }
 
-    /// A model whose data are those of single lines already, as [`PlyModel::of_lines`] leaves them.
+    /// Marks a model whose energies already describe single lines, as [`PlyModel::of_lines`] computes them.
     pub(crate) fn in_lines(self) -> PlyModel {
         PlyModel { passed: Some(PassedLines::new(&self.data.energies)), ..self }
     }
 
-    /// Distribution of the exiting light across the ply, by kind.
+    /// Distribution of the light that leaves the ply over the positions across it, by kind of light.
     #[doc(hidden)]
     pub fn exit_shapes(&self) -> &[ExitShape; EXIT_KINDS] {
         match &self.exits {
@@ -137,13 +173,14 @@ impl PlyModel {
         }
     }
 
-    /// Exit positions of light of an incidence on a ply of this radius [um].
+    /// Positions where the light of one incidence leaves a ply of this radius [um].
     #[doc(hidden)]
     pub fn exits_at(&self, theta_i: f32, h_um: f32, radius_um: f32) -> ExitsAt {
         self.exits.as_ref().map_or_else(|| ExitsAt::unknown(theta_i, h_um / radius_um), |exits| exits.at(theta_i, h_um))
     }
 
-    /// Light that passes a ply lit along single lines ([`PlyModel::of_lines`]).
+    /// The mean of r_d over intervals of offsets, if the ply is lit along single lines
+    /// ([`PlyModel::of_lines`]).
     pub(crate) fn passed_lines(&self) -> Option<&PassedLines> {
         self.passed.as_ref()
     }
@@ -157,13 +194,13 @@ impl PlyModel {
         &self.data
     }
 
-    /// Values of eval stored in the file; empty for a model that is not from a file.
+    /// The values of eval stored in the file; empty for a model that was not loaded from a file.
     pub fn reference_values(&self) -> &[ReferenceValue] {
         &self.reference_values
     }
 
-    /// Greatest difference of eval from the stored values, relative to the greatest of them. 0 without stored
-    /// values.
+    /// Maximum difference between eval and the stored values, relative to the largest stored value; 0 if no
+    /// values are stored.
     pub fn reference_error(&self) -> f32 {
         let (mut error, mut peak) = (0.0f32, 0.0f32);
         for g in &self.reference_values {
@@ -181,8 +218,8 @@ impl PlyModel {
         self.edge.is_some()
     }
 
-    /// f_refl + f_high [1/sr] (Yu 2025, Eq. 8) at each of many queries; 0 where an array of `queries` is
-    /// shorter than `f`.
+    /// Evaluates f_refl + f_high [1/sr] (Yu 2025, Eq. 8) at many queries. If an array of `queries` is shorter
+    /// than `f`, the values beyond its end are set to 0.
     pub fn eval_batch<const N: usize>(&self, queries: &Queries<'_, N>, f: &mut [[f32; N]]) {
         dispatch::batch(&self.layout, queries, f);
     }
@@ -192,16 +229,16 @@ impl PlyModel {
         self.relief.as_ref()
     }
 
-    /// The model's speckle noise, if it has some.
+    /// The model's speckle noise, if it has any.
     #[inline]
     pub fn noise(&self) -> Option<&NoiseField> {
         self.noise.as_deref()
     }
 
-    /// The model's speckle noise, for a host that requires it.
+    /// The model's speckle noise, for a host that cannot do without it.
     ///
     /// # Errors
-    /// [`crate::Error::Invalid`] if the model has no noise; `file` names it in the message.
+    /// [`crate::Error::Invalid`] if the model has no noise; the message names `file`.
     pub fn require_noise(&self, file: &str) -> Result<&NoiseField> {
         let hint = "the model has no speckle noise; add it with `plywave noise`";
         self.noise().ok_or_else(|| crate::io::invalid(file, "noise_spectrum", "absent", hint))

@@ -1,4 +1,4 @@
-//! Batches of queries, as arrays.
+//! Batches of queries, stored as one array for each quantity.
 
 /// A batch of queries, as arrays of equal lengths.
 #[derive(Clone, Copy, Debug)]
@@ -14,7 +14,7 @@ pub struct Queries<'a, const N: usize> {
 }
 
 impl<'a, const N: usize> Queries<'a, N> {
-    /// The same without the number of absorptions in the type.
+    /// The same queries with the number of absorptions as a value instead of a type parameter.
     #[inline]
     pub(super) fn channels(&self) -> Channels<'a> {
         let Queries { theta_i, h_um, sigma_per_um, wo } = *self;
@@ -22,19 +22,19 @@ impl<'a, const N: usize> Queries<'a, N> {
     }
 }
 
-/// [`Queries`] for `count` absorptions each.
+/// [`Queries`] with `count` absorptions each.
 #[derive(Clone, Copy)]
 pub(super) struct Channels<'a> {
     pub(super) theta_i: &'a [f32],
     pub(super) h_um: &'a [f32],
-    /// By query and absorption.
+    /// `[query][absorption]`, flat.
     pub(super) sigma: &'a [f32],
     pub(super) count: usize,
     pub(super) wo: [&'a [f32]; 3],
 }
 
 impl<'a> Channels<'a> {
-    /// Query `i`; `None` beyond the shortest array.
+    /// Query `i`; `None` beyond the end of the shortest array.
     #[inline(always)]
     pub(super) fn get(&self, i: usize) -> Option<(f32, f32, &'a [f32], [f32; 3])> {
         let wo = [*self.wo[0].get(i)?, *self.wo[1].get(i)?, *self.wo[2].get(i)?];
@@ -47,7 +47,7 @@ impl<'a> Channels<'a> {
         self.sigma.get(i * self.count..(i + 1) * self.count)
     }
 
-    /// The queries from `at` on.
+    /// The queries from index `at` on.
     #[inline(always)]
     pub(super) fn from(&self, at: usize) -> Self {
         let after = |x: &'a [f32], at: usize| x.get(at..).unwrap_or(&[]);

@@ -1,49 +1,50 @@
-//! Relief: which fibers lie on a ply's surface, as factors of mean 1 on f_refl and f_high.
+//! Relief: the individual fibers on a ply's surface, as factors of mean 1 on f_refl and f_high.
 //!
-//! The lobes are means over many packings, so a ply of them is a smooth tube. A ply in fact shows a few
-//! fibers, each with a highlight along it. Seen across, in the plane at right angles to the fibers, a fiber
-//! of radius r reflects light from the azimuth alpha, counted from the viewer's, where its normal halves the
-//! angle, at `r sin(alpha / 2)` from its middle; roughness widens the line. Where the fibers' middles are at
-//! x_c, then
+//! The lobes are means over many packings of the fibers, so a ply shaded by them alone is a smooth tube. A
+//! real ply shows a few fibers, each with a highlight along it. Consider the plane normal to the fibers. A
+//! fiber of radius r reflects light that arrives at the azimuth alpha from the viewer's where its normal
+//! bisects the two directions, `r sin(alpha / 2)` from its center; roughness widens the line. If the fibers'
+//! centers are at x_c, then
 //!
 //! ```text
 //! M_refl(h) = p sum_c v_c K((h - r sin(alpha/2) - x_c) / w),   x_c = -R' sin(phi_c - phi)
 //! ```
 //!
-//! with K a bump of width w and integral 1, v_c of mean 1 the part of fiber c that others leave free, phi_c
-//! its azimuth about the ply's axis, phi the viewer's. n fibers stand around the ply, at distances `2 pi / n`
-//! that vary, and turn with the twist. Of f_high, which leaves all over a fiber, the bump is as wide as the
-//! fiber.
+//! Here K is a bump of width w and integral 1; v_c, of mean 1, is the part of fiber c that other fibers do
+//! not hide; phi_c is the azimuth of fiber c about the ply's axis and phi that of the viewer. The n fibers
+//! stand around the ply at distances that vary about `2 pi / n`, and turn with the twist. The light of f_high
+//! leaves from all of a fiber, so its bump is as wide as the fiber.
 //!
-//! Over the turn of the ply, `p = (2 pi / n) R' cos(phi_c - phi)` makes the mean 1 for each h, light and
-//! view. Bumps widen with the footprint of a query; where they are wider than fibers are apart, M fades to 1.
+//! With `p = (2 pi / n) R' cos(phi_c - phi)` the mean over a turn of the ply is 1 for each offset, light and
+//! view. The bumps widen with the footprint of the query. Where they are wider than the distance between
+//! fibers, M fades to 1.
 
 use super::place::{FibersAround, PlyPlace, mean_radius_um};
 use crate::math::hash::{GAMMA, mix64};
 use crate::spec::{Shape, YarnSpec};
 use std::f32::consts::{FRAC_PI_2, TAU};
 
-/// Largest shift of a fiber from its even place, over the distance of fibers.
+/// Maximum shift of a fiber from its even position, in distances between fibers.
 const JITTER: f32 = 0.35;
-/// Largest difference of a fiber's f_high from the mean.
+/// Maximum relative difference of a fiber's f_high from the mean.
 const HIGH: f32 = 0.3;
-/// Width of the bump of f_high, over a fiber's radius.
+/// Width of the bump of f_high, in fiber radii.
 const HIGH_WIDTH: f32 = 1.1;
-/// Bumps end at this many standard deviations, `sqrt(7)` for `(1 - u^2)^2`.
+/// Half-width of a bump in its standard deviations, which is `sqrt(7)` for `(1 - u^2)^2`.
 const ENDS: f32 = 2.645_751_3;
-/// Width over the fibers' distance from which on M fades.
-const WIDEST: f32 = 1.5;
-/// Below this contrast there is none.
-const LEAST: f32 = 0.02;
+/// Width of a bump, in distances between fibers, from which on M fades to 1.
+const MAX_WIDTH: f32 = 1.5;
+/// Contrast below which M is 1.
+const MIN_CONTRAST: f32 = 0.02;
 
-/// Fibers on the surface of the plies of a model.
+/// The fibers on the surface of a model's ply.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Relief {
-    /// Number of fibers around.
+    /// Number of fibers around the ply.
     count: f32,
-    /// Distance of their middles from the axis [um].
+    /// Distance of the fibers' centers from the ply's axis [um].
     ring_um: f32,
-    /// Share of the fibers around that others do not hide.
+    /// Share of the fibers around the ply that other fibers do not hide.
     free: f32,
     /// Radius of a fiber [um].
     fiber_um: f32,
@@ -52,7 +53,8 @@ pub struct Relief {
 }
 
 impl Relief {
-    /// Of a spec's plies; none of yarns of several plies, of elliptical plies and of a single fiber.
+    /// The relief of a spec's ply; `None` for a yarn of several plies, an elliptical ply, or fewer than three
+    /// fibers.
     pub fn of_spec(spec: &YarnSpec) -> Option<Relief> {
         let [a, b] = spec.ply_radii_um();
         if spec.yarn.plies > 1 || (a - b).abs() > 1e-6 * a || spec.ply.fibers < 3 {
@@ -60,13 +62,14 @@ impl Relief {
         }
         let fiber_um = mean_radius_um(spec);
         let FibersAround { count, ring_um } = FibersAround::of_spec(spec, a);
-        // Of packed sections: which share of a full ring fibers with highlights are.
+        // Fitted to packed cross sections: fibers with highlights as a share of a full ring.
         let free = (1.0 - 0.095 * (f64::from(spec.ply.fibers) / 5.0).ln()).clamp(0.3, 1.0) as f32;
         if !(ring_um > 0.5 * fiber_um as f32 && count >= 2.0) {
             return None;
         }
-        // Slopes of a rough wall have the deviation alpha / sqrt(2) along an axis; faces that are not round
-        // send the line elsewhere on each fiber.
+        // The slopes of a rough wall have the standard deviation alpha / sqrt(2) along an axis. Facets of
+        // fibers that are not round move the line by a different amount on each fiber, which widens it
+        // further.
         let faces =
             if matches!(spec.fiber.shape, Shape::Circle { .. } | Shape::HollowCircle { .. }) { 0.0 } else { 0.3 };
         let slope = (0.5 * spec.fiber.alpha_fiber.powi(2) + faces * faces).sqrt();
@@ -80,19 +83,19 @@ impl Relief {
         })
     }
 
-    /// Mean number of highlights that a viewer at the lamp sees.
+    /// Mean number of highlights that a viewer sees if the light comes from the viewer's direction.
     pub fn highlights(&self) -> f32 {
         0.5 * self.count * self.free
     }
 
-    /// Count, ring, free share, radius of a fiber and widths, for hosts with kernels of their own.
+    /// Count, ring radius, free share, fiber radius and the two widths, for hosts with kernels of their own.
     pub(crate) fn numbers(&self) -> [f32; 6] {
         let [refl, high] = self.width_um;
         [self.count, self.ring_um, self.free, self.fiber_um, refl, high]
     }
 
-    /// The factors of f_refl and f_high at a place, for light towards `w` in the ply's frame and the offset
-    /// h [um]. Numbers that are not finite give 1.
+    /// The factors of f_refl and f_high at a position, for light scattered towards `w` in the ply's frame and
+    /// the offset h [um]. If an input is not finite, both factors are 1.
     pub fn factors(&self, place: &PlyPlace, h_um: f32, w: [f32; 3]) -> [f32; 2] {
         let s = (w[0] * w[0] + w[1] * w[1]).sqrt();
         let cos = if s > 0.0 { (w[1] / s).clamp(-1.0, 1.0) } else { 1.0 };
@@ -104,25 +107,25 @@ impl Relief {
         [self.factor(place, h_um - self.fiber_um * sine, 0), self.factor(place, h_um - 0.5 * self.fiber_um * sine, 1)]
     }
 
-    /// M of a kind where the middle of a fiber would have to be at `x`.
+    /// M of f_refl (`kind` = 0) or f_high (`kind` = 1), for a bump centered at the offset `x_um`.
     fn factor(&self, place: &PlyPlace, x_um: f32, kind: usize) -> f32 {
-        let apart = TAU / self.count;
-        // A pixel's deviation along an axis, in the bump's.
+        let spacing = TAU / self.count;
+        // The bump convolved with the footprint: the variances add.
         let own = self.width_um[kind];
         let wide = ENDS * place.deviation_um();
         let wide = (own * own + wide * wide).sqrt();
-        let most = WIDEST * apart * self.ring_um;
-        let contrast = if wide > most { most / wide } else { 1.0 };
-        if contrast.is_nan() || contrast <= LEAST {
+        let max_width = MAX_WIDTH * spacing * self.ring_um;
+        let contrast = if wide > max_width { max_width / wide } else { 1.0 };
+        if contrast.is_nan() || contrast <= MIN_CONTRAST {
             return 1.0;
         }
-        let (ring, width) = (self.ring_um, wide.min(most));
+        let (ring, width) = (self.ring_um, wide.min(max_width));
         let x = x_um.clamp(-ring, ring);
-        // From azimuths to the sum, [x - width, x + width] and what jitter brings in.
+        // The fibers whose bumps can overlap `x`: those within the width, widened by the jitter.
         let asin = |x: f32| (x / ring).clamp(-1.0, 1.0).asin();
         let [low, high] = [place.azimuth - asin(x + width), place.azimuth - asin(x - width)];
-        let first = (low / apart - 0.5 - JITTER).ceil();
-        let last = (high / apart - 0.5 + JITTER).floor();
+        let first = (low / spacing - 0.5 - JITTER).ceil();
+        let last = (high / spacing - 0.5 + JITTER).floor();
         let cells = ((last - first) as i32 + 1).clamp(0, self.count as i32);
         let mut sum = 0.0;
         for i in 0..cells {
@@ -142,7 +145,7 @@ impl Relief {
                 }
                 _ => 1.0 + HIGH * (2.0 * u - 1.0),
             };
-            let phi = (cell + 0.5 + jitter) * apart - place.azimuth;
+            let phi = (cell + 0.5 + jitter) * spacing - place.azimuth;
             let cos = phi.cos();
             if phi.abs() < FRAC_PI_2 && cos > 0.0 {
                 let t = (x + ring * phi.sin()) / width;
@@ -156,7 +159,7 @@ impl Relief {
             t * (1.0 - t * t * (2.0 / 3.0 - 0.2 * t * t))
         };
         let integral = upto((ring - x) / width) + upto((ring + x) / width);
-        let m = apart * ring * sum / (width * integral.max(0.1));
+        let m = spacing * ring * sum / (width * integral.max(0.1));
         1.0 + contrast * (m - 1.0)
     }
 }
@@ -167,7 +170,7 @@ mod tests {
 
     const RELIEF: Relief = Relief { count: 9.0, ring_um: 20.0, free: 0.7, fiber_um: 7.0, width_um: [1.5, 9.0] };
 
-    /// Over the azimuth and over plies the mean is 1, for each offset, light and footprint.
+    /// The mean over the azimuth and over plies is 1, for each offset, light and footprint.
     #[test]
     fn mean_is_one() {
         for (h, w, footprint_um) in [

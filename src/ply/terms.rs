@@ -1,17 +1,18 @@
-//! All terms of the model together: light that hit fibers, light diffracted at the ply's edge, slit light.
+//! All terms of a ply model in one direction: light that hit fibers, light diffracted at the ply's edge, and
+//! slit light (Yu 2025, Eq. 8 and 18, and 7.3).
 
 use super::edge;
 use super::edge::EdgeTables;
 use super::kernel::dispatch;
 use super::kernel::energy::Core;
 use super::kernel::lobe::unit;
-use super::kernel::lobes::Lobes;
+use super::kernel::slit::SlitSample;
+use super::lobes::Lobes;
 use super::model::PlyModel;
 use super::query::{PlyQuery, PlyTerms};
-use super::slit::SlitSample;
 use crate::gap::Slit;
 
-/// A direction sampled from all terms, or another outcome.
+/// A direction sampled from all terms, or another outcome of a sample.
 pub(crate) enum Drawn<const N: usize> {
     Scattered([f32; 3], PlyTerms<N>),
     Missed,
@@ -26,13 +27,13 @@ pub(crate) struct Terms<'a, L, const N: usize> {
 }
 
 impl<L: Lobes<N>, const N: usize> Terms<'_, L, N> {
-    /// The terms in direction `w`; `pdf` stays 0 without a slit.
+    /// The terms in direction `w`. `pdf` is set only if the query has a slit, and is 0 otherwise.
     pub(crate) fn eval(&self, w: [f32; 3]) -> PlyTerms<N> {
         if let Some(slit) = self.query.slit {
             return self.slit_eval_pdf(slit, w);
         }
         let core = self.lobes.eval(w);
-        let light = match self.lit(&core, w) {
+        let light = match self.edge_at(&core, w) {
             Some(tables) => edge::eval(tables, self.query.theta_i, self.query.h_um, &self.query.lambda_um, w),
             None => [0.0; N],
         };
@@ -55,7 +56,7 @@ impl<L: Lobes<N>, const N: usize> Terms<'_, L, N> {
         }
     }
 
-    /// A direction and the terms there.
+    /// Samples a direction and evaluates the terms there.
     pub(crate) fn sample(&self, u: [f32; 3]) -> Drawn<N> {
         let u = unit(u);
         if let Some(slit) = self.query.slit {
@@ -68,12 +69,13 @@ impl<L: Lobes<N>, const N: usize> Terms<'_, L, N> {
         if core.missed <= 0.0 {
             return Drawn::Absorbed;
         }
-        // Missed light is the last part of the unit interval: the remainder of the number chooses the
-        // wavelength.
+        // Missed light takes the end of the unit interval, so the rest of the number is uniform again and
+        // chooses the wavelength.
         self.sample_missed(1.0 - (1.0 - u[0]) / core.missed, u)
     }
 
-    /// The edge lobes scatter all missed light, if the model has them and the query enables them.
+    /// Samples the edge lobes, which scatter all missed light if the model has them and the query enables
+    /// them.
     fn sample_missed(&self, remaining: f32, u: [f32; 3]) -> Drawn<N> {
         let Some(tables) = self.edge() else { return Drawn::Missed };
         let q = self.query;
@@ -84,7 +86,7 @@ impl<L: Lobes<N>, const N: usize> Terms<'_, L, N> {
     }
 
     fn with_edge_pdf(&self, core: &Core<N>, w: [f32; 3]) -> PlyTerms<N> {
-        let (light, pdf) = match self.lit(core, w) {
+        let (light, pdf) = match self.edge_at(core, w) {
             Some(tables) => edge::eval_pdf(tables, self.query.theta_i, self.query.h_um, &self.query.lambda_um, w),
             None => ([0.0; N], 0.0),
         };
@@ -96,12 +98,12 @@ impl<L: Lobes<N>, const N: usize> Terms<'_, L, N> {
         if self.query.edge { self.model.edge.as_ref() } else { None }
     }
 
-    /// The edge lobes, if they have light in a direction.
-    fn lit(&self, core: &Core<N>, w: [f32; 3]) -> Option<&EdgeTables> {
+    /// The edge lobes, if they scatter light into direction `w`.
+    fn edge_at(&self, core: &Core<N>, w: [f32; 3]) -> Option<&EdgeTables> {
         self.edge().filter(|tables| core.r_d > 0.0 && !tables.dark(self.query.h_um, w[0]))
     }
 
-    /// The terms of a ply with a slit that diffracts part of its forward light (Yu 2025, 7.3). Its lobes are
+    /// The terms of a ply with a slit that diffracts part of its forward light (Yu 2025, 7.3). The lobes are
     /// interpolated at every call.
     fn slit_eval_pdf(&self, slit: &Slit, w: [f32; 3]) -> PlyTerms<N> {
         let (core, light, pdf) = self.slit_lobes(slit, w);
@@ -109,16 +111,16 @@ impl<L: Lobes<N>, const N: usize> Terms<'_, L, N> {
         PlyTerms { slit: light, pdf: terms.pdf + pdf, ..terms }
     }
 
-    /// The lobes less the slit's share, the slit light, and its part of the density.
+    /// The lobes without the slit's share, the slit light, and the slit's part of the density.
     pub(super) fn slit_lobes(&self, slit: &Slit, w: [f32; 3]) -> (Core<N>, [f32; N], f32) {
         let q = self.query;
         let layout = &self.model.layout;
-        let (core, taken) = dispatch::slit_eval_pdf(layout, slit.share(), (q.theta_i, q.h_um), &q.sigma_per_um, w);
+        let (core, diffracted) = dispatch::slit_eval_pdf(layout, slit.share(), (q.theta_i, q.h_um), &q.sigma_per_um, w);
         let (mut light, pdf) = slit.eval_pdf(q.theta_i, q.lambda_um, w);
         for k in 0..N {
-            light[k] *= taken.energy[k];
+            light[k] *= diffracted.energy[k];
         }
-        (core, light, taken.chance * pdf)
+        (core, light, diffracted.chance * pdf)
     }
 
     fn slit_sample(&self, slit: &Slit, u: [f32; 3]) -> Drawn<N> {
@@ -129,8 +131,8 @@ impl<L: Lobes<N>, const N: usize> Terms<'_, L, N> {
         }
     }
 
-    /// A direction of the lobes or of the slit light; for missed light, the remainder of the number that
-    /// chose it.
+    /// Samples a direction of the lobes or of the slit light. `Err` is missed light, with the rest of the
+    /// random number that chose it.
     pub(super) fn slit_direction(&self, slit: &Slit, u: [f32; 3]) -> Result<Option<[f32; 3]>, f32> {
         let q = self.query;
         let layout = &self.model.layout;
@@ -143,7 +145,7 @@ impl<L: Lobes<N>, const N: usize> Terms<'_, L, N> {
     }
 }
 
-/// Joins the terms, from edge light of energy 1 and the density of its samples.
+/// The terms from the lobes, edge light of energy 1 and the density of sampling that light.
 fn join<const N: usize>(core: &Core<N>, light: [f32; N], pdf: f32) -> PlyTerms<N> {
     let mut edge = light;
     for f in &mut edge {

@@ -1,23 +1,24 @@
 //! A ply over a second layer of yarns (Yu 2025, 5.4 and 7.1).
 
-use super::kernel::lobes::{LobeLight, Lobes};
 use super::layers::{Layer, layer, layer_and_forward};
+use super::lobes::{LobeLight, Lobes};
 use super::model::PlyModel;
-use super::on::PlyOn;
 use super::query::PlyQuery;
+use super::single_layer::SingleLayer;
 use crate::BsdfSample;
 use crate::bsdf::Outcomes;
 use crate::frame::is_direction;
 use std::f32::consts::PI;
 
 impl PlyModel {
-    /// A layer of this ply's yarns at a latitude [rad]. `None` for a model without layer factors.
+    /// The fractions r, t, r* and t* of a layer of this ply's yarns at a latitude [rad]; `None` for a model
+    /// without layer factors.
     pub fn layer<const N: usize>(&self, theta_i: f32, sigma_per_um: [f32; N]) -> Option<Layer<N>> {
         Some(layer(self.layer_tables()?, theta_i, &sigma_per_um))
     }
 
-    /// Energy of f_refl + f_high in the half space away from the light, y < 0. `None` for a model
-    /// without layer factors.
+    /// Energy of f_refl + f_high in the half space away from the light, y < 0; `None` for a model without
+    /// layer factors.
     pub fn forward_energy<const N: usize>(&self, theta_i: f32, h_um: f32, sigma_per_um: [f32; N]) -> Option<[f32; N]> {
         let at = self.uncached_at(&PlyQuery::lobes(theta_i, h_um, sigma_per_um));
         let (all, r_d) = at.lit().albedo_r_d();
@@ -26,26 +27,28 @@ impl PlyModel {
     }
 }
 
-/// A ply of the upper of two layers at a query (Yu 2025, 5.4 and 7.1). Light that the ply reflects keeps its
-/// lobes; light that it transmits becomes diffuse and is scaled to T; light that returns from the lower
-/// layer, R - r, is added as diffuse light. The light that passes beside the ply, r_d, hits only the lower
-/// layer and is diffuse after it.
+/// A ply in the upper one of two layers, at a query (Yu 2025, 5.4 and 7.1).
 ///
-/// With E_f the energy that the ply scatters forward and r_2, t_2 the first-hit factors of the layer below,
-/// the diffuse parts are `(E_f T/t + r_d t_2) |y|/pi` below and `(E_f (R - r)/t + r_d r_2) y/pi` above; y is
-/// that of the ply frame, toward the light. At sigma = 0 energy is conserved.
+/// Light that the ply reflects keeps its lobes. Light that it transmits becomes diffuse and is scaled to T.
+/// Light that returns from the lower layer, R - r, is added as diffuse light. The light that passes beside
+/// the ply, r_d, hits only the lower layer and is diffuse after it.
 ///
-/// Its methods take the ply that it was made from.
+/// Let E_f be the energy that the ply scatters forward, and r_2, t_2 the fractions of the layer below at the
+/// first hit. The diffuse parts are `(E_f T/t + r_d t_2) |y|/pi` below and `(E_f (R - r)/t + r_d r_2) y/pi`
+/// above, where y is the component of the outgoing direction towards the light in the ply frame. At sigma = 0
+/// energy is conserved.
+///
+/// The methods take the ply that [`TwoLayered::new`] was called with.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct TwoLayered<const N: usize> {
-    /// Energy of the diffuse light above and below.
+    /// Energies of the diffuse light above (y > 0) and below, one for each absorption.
     above: [f32; N],
     below: [f32; N],
     albedo: [f32; N],
-    /// Chance of a diffuse direction, and of an upward one among those.
+    /// Probability of sampling a diffuse direction, and of an upward one among those.
     diffuse: f32,
     up: f32,
-    /// Chance that the ply's lobes alone yield a direction.
+    /// Probability that the ply's lobes alone yield a direction: [`super::single_layer::hit_chance`].
     hit: f32,
 }
 
@@ -55,7 +58,7 @@ fn both<const N: usize>(light: &LobeLight<N>) -> ([f32; N], f32) {
 }
 
 impl<const N: usize> TwoLayered<N> {
-    pub(crate) fn new(upper: &PlyOn<'_, impl Lobes<N>, N>, below: &Layer<N>) -> Option<TwoLayered<N>> {
+    pub(crate) fn new(upper: &SingleLayer<'_, impl Lobes<N>, N>, below: &Layer<N>) -> Option<TwoLayered<N>> {
         let PlyQuery { theta_i, h_um, sigma_per_um, .. } = upper.query;
         let (scattered, r_d) = upper.lit().albedo_r_d();
         let (layer, mut forward) = layer_and_forward(upper.model.layer_tables()?, theta_i, h_um, r_d, &sigma_per_um);
@@ -107,7 +110,7 @@ impl<const N: usize> TwoLayered<N> {
         (f, pdf)
     }
 
-    pub(crate) fn eval(&self, upper: &PlyOn<'_, impl Lobes<N>, N>, wo: [f32; 3]) -> [f32; N] {
+    pub(crate) fn eval(&self, upper: &SingleLayer<'_, impl Lobes<N>, N>, wo: [f32; 3]) -> [f32; N] {
         let y = if is_direction(wo) { wo[1].clamp(-1.0, 1.0) } else { 0.0 };
         if y > 0.0 {
             let lobes = upper.lit().eval(wo);
@@ -117,7 +120,7 @@ impl<const N: usize> TwoLayered<N> {
         }
     }
 
-    pub(crate) fn pdf(&self, upper: &PlyOn<'_, impl Lobes<N>, N>, wo: [f32; 3]) -> f32 {
+    pub(crate) fn pdf(&self, upper: &SingleLayer<'_, impl Lobes<N>, N>, wo: [f32; 3]) -> f32 {
         if !is_direction(wo) {
             return 0.0;
         }
@@ -128,7 +131,7 @@ impl<const N: usize> TwoLayered<N> {
         pdf
     }
 
-    pub(crate) fn eval_pdf(&self, upper: &PlyOn<'_, impl Lobes<N>, N>, wo: [f32; 3]) -> ([f32; N], f32) {
+    pub(crate) fn eval_pdf(&self, upper: &SingleLayer<'_, impl Lobes<N>, N>, wo: [f32; 3]) -> ([f32; N], f32) {
         if is_direction(wo) {
             self.over(wo, both(&upper.lit().eval_pdf(self.hit, wo)))
         } else {
@@ -136,10 +139,10 @@ impl<const N: usize> TwoLayered<N> {
         }
     }
 
-    /// Lobe directions that go forward count too, with the diffuse value there: the density covers both
-    /// sampling strategies.
-    pub(crate) fn sample(&self, upper: &PlyOn<'_, impl Lobes<N>, N>, u: [f32; 3]) -> BsdfSample<N> {
-        // Below 1, and 0 for NaN.
+    /// Samples a direction. If a lobe yields a forward direction, it is used with the diffuse value there;
+    /// the density covers both sampling strategies.
+    pub(crate) fn sample(&self, upper: &SingleLayer<'_, impl Lobes<N>, N>, u: [f32; 3]) -> BsdfSample<N> {
+        // The numbers are clamped below 1, and NaN becomes 0.
         let u = u.map(crate::math::clamp_unit);
         let (wo, lobes) = if u[0] < self.diffuse {
             let side = u[0] / self.diffuse;

@@ -4,7 +4,7 @@ use super::rules::invalid;
 use super::yarn::{FamilySpec, YarnSpec};
 use crate::Result;
 
-/// Checks that ranges ascend, contain the yarn's own values, and vary quantities that the yarn has. `widest`
+/// Checks that ranges ascend, contain the yarn's own values, and vary parameters that the yarn has. `widest`
 /// is the ply's radius [um].
 pub(super) fn check_family(file: &str, spec: &YarnSpec, family: &FamilySpec, widest: f64) -> Result<()> {
     let FamilySpec { fiber_pitch_um, alpha_fiber, eta } = *family;

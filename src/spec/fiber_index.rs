@@ -1,9 +1,9 @@
 //! Refractive indices of the fibers of a yarn spec at a wavelength.
 
 use super::yarn::{FiberSpec, YarnSpec};
-use crate::fiber::{OpaqueIndex, Reflections};
+use crate::optics::{OpaqueIndex, Reflections};
 
-/// Wavelength at which fiber tables state an index: sodium's D line [um].
+/// Wavelength at which tables of fibers state an index: the sodium D line [um].
 pub const SODIUM_UM: f64 = 0.5893;
 
 impl FiberSpec {
@@ -12,7 +12,7 @@ impl FiberSpec {
         self.metal.is_some() || self.kappa.is_some()
     }
 
-    /// Real index at a wavelength [um]. A ply's table uses that at its spec's `beam.lambda_um`.
+    /// Real index at a wavelength [um]. The table of a ply uses the index at its spec's `beam.lambda_um`.
     pub fn eta_at(&self, lambda_um: f64) -> f64 {
         match (self.metal, self.dispersion_um2) {
             (Some(metal), _) => f64::from(metal.index(lambda_um as f32)[0]),
@@ -35,8 +35,8 @@ impl FiberSpec {
 }
 
 impl YarnSpec {
-    /// Absorption [1/um] that gives the yarn its own color at a wavelength [um]: that of its opaque fibers'
-    /// reflections ([`Reflections`]), 0 for fibers that transmit light.
+    /// Absorption [1/um] that represents the yarn's own color at a wavelength [um]: that of the reflections
+    /// of its opaque fibers ([`Reflections`]), or 0 for fibers that transmit light.
     pub fn own_sigma_per_um(&self, lambda_um: f64) -> f64 {
         self.fiber.reflections().map_or(0.0, |of| of.sigma_per_um(lambda_um))
     }

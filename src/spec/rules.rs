@@ -1,8 +1,8 @@
-//! Rules of TOML specs: the keys, their ranges, and the messages of refusals.
+//! Validation rules of TOML specs: the keys, their ranges, and the messages of errors.
 //!
-//! The validator walks the parsed TOML, not a typed spec, so that every refusal is one line that names the
-//! file, the dotted key, the given value and the accepted values. [`Rules`] are static data; the keys of yarn
-//! and cloth specs are listed in `docs/reference`, which a test compares with them.
+//! The validator walks the parsed TOML, not a typed spec, so every error is one line that names the file, the
+//! dotted key, the value and the accepted values. [`Rules`] are static data. `docs/reference` lists the keys
+//! of yarn and cloth specs, and a test compares that list with the rules.
 
 use crate::{Error, Result};
 use toml::{Table, Value};
@@ -12,21 +12,22 @@ use toml::{Table, Value};
 pub struct Rules {
     /// Keys of the root.
     pub keys: &'static [Key],
-    /// Units that key names end in, longest first: for a key with another unit the hint names the right one.
+    /// Units that the names of keys end in, longest first. For a key with another unit, the hint names the
+    /// right one.
     pub units: &'static [&'static str],
-    /// An example file, named in the hint for text that is not TOML.
+    /// An example file, which the hint names if a text is not TOML.
     pub example: &'static str,
-    /// Root keys of other kinds of files, and the hint for them.
+    /// Root keys of other kinds of files, and the hints for them.
     pub foreign: &'static [(&'static [&'static str], &'static str)],
 }
 
-/// One key.
+/// The rule of one key.
 #[derive(Clone, Copy, Debug)]
 pub struct Key {
-    /// Its name, unit included.
+    /// Name of the key, including its unit.
     pub name: &'static str,
-    /// Its kind of value.
-    pub kind: Kind,
+    /// Kind of its value.
+    pub kind: KeyKind,
     /// Whether it is required.
     pub need: Need,
 }
@@ -36,12 +37,12 @@ pub struct Key {
 pub enum Need {
     /// Required.
     Required,
-    /// Optional; the default value, as TOML, or the meaning of its absence.
+    /// Optional. The text is the default value, as TOML, or the meaning of the key's absence.
     Default(&'static str),
 }
 
-/// A check of a value beyond the common kinds: the accepted values, and the check, called with file, dotted
-/// key and value.
+/// A check of a value beyond the common kinds: the accepted values, and the check, which is called with the
+/// file, the dotted key and the value.
 #[derive(Clone, Copy, Debug)]
 pub struct Custom {
     /// The accepted values, as in "use ...".
@@ -52,67 +53,68 @@ pub struct Custom {
 
 /// Kind of a key's value. Ranges are closed unless stated otherwise.
 #[derive(Clone, Copy, Debug)]
-pub enum Kind {
-    /// Number in a range.
+pub enum KeyKind {
+    /// A number in a range.
     Number(f64, f64),
-    /// Number above the first and up to the second.
+    /// A number above the first bound and up to the second.
     Above(f64, f64),
-    /// Integer in a range.
+    /// An integer in a range.
     Integer(i64, i64),
-    /// Odd integer in a range.
+    /// An odd integer in a range.
     Odd(i64, i64),
-    /// Text that is not empty.
+    /// A text that is not empty.
     Text,
     /// One of several words.
     Choice(&'static [&'static str]),
-    /// Up to 32 numbers ascending from 0, the second 1e-6 or more, the last up to the value.
+    /// Up to 32 ascending numbers, of which the first is 0, the second at least 1e-6, and the last at most
+    /// this.
     Ascending(f64),
     /// Two numbers in a range.
     Pair(f64, f64),
     /// A color in a form of [`crate::color::SRGB_FORMS`].
     Srgb,
-    /// At least 3 and at most this many `[x, y]` pairs [um], coordinates within the bound.
+    /// At least 3 and at most this many `[x, y]` pairs [um], with coordinates within the bound.
     Points(usize, f64),
-    /// Texts by name; each name is one capital letter.
+    /// Texts by name, where each name is one capital letter.
     Letters,
     /// A table of further keys.
     Table(&'static [Key]),
-    /// A table whose keys depend on its key `kind`: an example of one, and the keys of each kind.
+    /// A table whose keys depend on its key `kind`: an example of such a table, and the keys of each kind.
     Tagged(&'static str, &'static [(&'static str, &'static [Key])]),
-    /// Anything else.
+    /// Any other kind, with its own check.
     Custom(Custom),
 }
 
 /// A required key.
-pub const fn required(name: &'static str, kind: Kind) -> Key {
+pub const fn required(name: &'static str, kind: KeyKind) -> Key {
     Key { name, kind, need: Need::Required }
 }
 
 /// An optional key, with its default.
-pub const fn optional(name: &'static str, kind: Kind, default: &'static str) -> Key {
+pub const fn optional(name: &'static str, kind: KeyKind, default: &'static str) -> Key {
     Key { name, kind, need: Need::Default(default) }
 }
 
-impl Kind {
-    /// The accepted values, as in "use ..."; `key` is the dotted key, which tables name.
+impl KeyKind {
+    /// The accepted values, as in "use ..."; `key` is the dotted key, which the text for tables contains.
     pub fn expected(&self, key: &str) -> String {
         match self {
-            Kind::Number(min, max) => format!("a number from {min} to {max}"),
-            Kind::Above(min, max) => format!("a number above {min} and up to {max}"),
-            Kind::Integer(min, max) => format!("an integer from {min} to {max}"),
-            Kind::Odd(min, max) => format!("an odd integer from {min} to {max}"),
-            Kind::Text => "a text in quotes".into(),
-            Kind::Choice(words) => format!("one of \"{}\"", words.join("\", \"")),
-            Kind::Ascending(max) => {
+            KeyKind::Number(min, max) => format!("a number from {min} to {max}"),
+            KeyKind::Above(min, max) => format!("a number above {min} and up to {max}"),
+            KeyKind::Integer(min, max) => format!("an integer from {min} to {max}"),
+            KeyKind::Odd(min, max) => format!("an odd integer from {min} to {max}"),
+            KeyKind::Text => "a text in quotes".into(),
+            KeyKind::Choice(words) => format!("one of \"{}\"", words.join("\", \"")),
+            KeyKind::Ascending(max) => {
                 format!("1 to 32 ascending numbers, the first 0, the next 1e-6 or more, the last up to {max}")
             }
-            Kind::Pair(min, max) => format!("two numbers from {min} to {max}"),
-            Kind::Srgb => crate::color::SRGB_FORMS.into(),
-            Kind::Points(count, max) => format!("3 to {count} pairs [x, y] within {max} um of the origin"),
-            Kind::Letters => "a table of texts by capital letters, such as { A = \"a.pwm\", B = \"b.pwm\" }".into(),
-            Kind::Table(_) => format!("a table, [{key}]"),
-            Kind::Tagged(example, _) => format!("a table such as {example}"),
-            Kind::Custom(custom) => custom.expected.into(),
+            KeyKind::Pair(min, max) => format!("two numbers from {min} to {max}"),
+            KeyKind::Srgb => crate::color::SRGB_FORMS.into(),
+            KeyKind::Points(count, max) => format!("3 to {count} pairs [x, y] within {max} um of the origin"),
+            KeyKind::Letters => "a table of texts by capital letters, such as { A = \"a.pwm\", B = \"b.pwm\" }".into(),
+            KeyKind::Table(_) => format!("a table, [{key}]"),
+            KeyKind::Tagged(example, _) => format!("a table such as {example}"),
+            KeyKind::Custom(custom) => custom.expected.into(),
         }
     }
 
@@ -122,13 +124,13 @@ impl Kind {
         let integer = |min: i64, max: i64| value.as_integer().filter(|i| (min..=max).contains(i));
         let list = || value.as_array().map_or(&[][..], Vec::as_slice);
         match self {
-            Kind::Number(min, max) => within(value, *min, *max),
-            Kind::Above(min, max) => within(value, *min, *max) && number(value) != Some(*min),
-            Kind::Integer(min, max) => integer(*min, *max).is_some(),
-            Kind::Odd(min, max) => integer(*min, *max).is_some_and(|i| i % 2 == 1),
-            Kind::Text => text(value),
-            Kind::Choice(words) => value.as_str().is_some_and(|s| words.contains(&s)),
-            Kind::Ascending(max) => {
+            KeyKind::Number(min, max) => within(value, *min, *max),
+            KeyKind::Above(min, max) => within(value, *min, *max) && number(value) != Some(*min),
+            KeyKind::Integer(min, max) => integer(*min, *max).is_some(),
+            KeyKind::Odd(min, max) => integer(*min, *max).is_some_and(|i| i % 2 == 1),
+            KeyKind::Text => text(value),
+            KeyKind::Choice(words) => value.as_str().is_some_and(|s| words.contains(&s)),
+            KeyKind::Ascending(max) => {
                 let x: Vec<f64> = list().iter().filter_map(number).collect();
                 (1..=32).contains(&list().len())
                     && x.len() == list().len()
@@ -137,19 +139,19 @@ impl Kind {
                     && x.windows(2).all(|w| w[0] < w[1])
                     && x[x.len() - 1] <= *max
             }
-            Kind::Pair(min, max) => list().len() == 2 && list().iter().all(|x| within(x, *min, *max)),
-            Kind::Srgb => crate::color::srgb_of_value(value).is_some(),
-            Kind::Points(count, max) => {
+            KeyKind::Pair(min, max) => list().len() == 2 && list().iter().all(|x| within(x, *min, *max)),
+            KeyKind::Srgb => crate::color::srgb_of_value(value).is_some(),
+            KeyKind::Points(count, max) => {
                 let pair =
                     |v: &Value| v.as_array().is_some_and(|v| v.len() == 2 && v.iter().all(|x| within(x, -max, *max)));
                 (3..=*count).contains(&list().len()) && list().iter().all(pair)
             }
-            Kind::Letters => value.as_table().is_some_and(|table| {
+            KeyKind::Letters => value.as_table().is_some_and(|table| {
                 let letter = |name: &str| name.len() == 1 && name.as_bytes()[0].is_ascii_uppercase();
                 !table.is_empty() && table.iter().all(|(name, value)| letter(name) && text(value))
             }),
-            Kind::Table(_) | Kind::Tagged(..) => value.is_table(),
-            Kind::Custom(_) => true,
+            KeyKind::Table(_) | KeyKind::Tagged(..) => value.is_table(),
+            KeyKind::Custom(_) => true,
         }
     }
 }
@@ -157,20 +159,28 @@ impl Kind {
 /// Parses TOML and checks it by `rules`.
 ///
 /// # Errors
-/// [`Error::Format`] with the line if the text is not TOML, and as [`check`].
+/// [`Error::Format`] with the line number if the text is not TOML, and those of [`check`].
 pub fn parse(text: &str, file: &str, rules: &Rules) -> Result<Table> {
-    let table: Table = toml::from_str(text).map_err(|e| {
+    let table = read(text, file, rules)?;
+    check(file, &table, rules)?;
+    Ok(table)
+}
+
+/// Parses TOML without checking its keys.
+///
+/// # Errors
+/// [`Error::Format`] with the line number if the text is not TOML.
+pub fn read(text: &str, file: &str, rules: &Rules) -> Result<Table> {
+    toml::from_str(text).map_err(|e| {
         let at = e.span().and_then(|span| text.as_bytes().get(..span.start)).map(|head| {
             let line = 1 + head.iter().filter(|&&byte| byte == b'\n').count();
             format!("line {line}: ")
         });
         format_error(file, at.unwrap_or_default() + e.message(), rules)
-    })?;
-    check(file, &table, rules)?;
-    Ok(table)
+    })
 }
 
-/// A typed spec from a table that passed [`check`].
+/// Converts a table that passed [`check`] into a typed spec.
 ///
 /// # Errors
 /// [`Error::Format`] if the type is stricter than the rules.
@@ -178,16 +188,16 @@ pub fn typed<T: serde::de::DeserializeOwned>(table: Table, file: &str, rules: &R
     table.try_into().map_err(|e: toml::de::Error| format_error(file, e.message().to_string(), rules))
 }
 
-/// The table of a typed spec, checked by `rules`.
+/// Checks a typed spec by `rules`.
 ///
 /// # Errors
-/// As [`check`].
+/// Those of [`check`].
 pub fn check_typed(spec: &impl serde::Serialize, file: &str, rules: &Rules) -> Result<()> {
     let table = Table::try_from(spec).map_err(|e| format_error(file, e.to_string(), rules))?;
     check(file, &table, rules)
 }
 
-/// Checks every key of `table`, then that none is missing.
+/// Checks every key of `table`, and then that no required key is absent.
 ///
 /// # Errors
 /// [`Error::Invalid`] for a key that is unknown, absent or out of range.
@@ -195,12 +205,12 @@ pub fn check(file: &str, table: &Table, rules: &Rules) -> Result<()> {
     check_table(file, "", table, rules.keys, rules)
 }
 
-/// An error for the value of a key. Each part is made one line.
+/// An error about the value of a key. Each part becomes one line.
 pub fn invalid(file: &str, key: &str, value: impl std::fmt::Display, hint: impl Into<String>) -> Error {
     Error::Invalid { file: line(file), key: line(key), value: line(&value.to_string()), hint: hint.into() }
 }
 
-/// An error for the whole text.
+/// An error about the whole text.
 fn format_error(file: &str, what: String, rules: &Rules) -> Error {
     let what = what.split_whitespace().collect::<Vec<_>>().join(" ");
     Error::Format { file: line(file), what, hint: format!("use TOML with the keys of {}", rules.example) }
@@ -215,8 +225,8 @@ fn dotted(path: &str, key: &str) -> String {
     if path.is_empty() { key.to_string() } else { format!("{path}.{key}") }
 }
 
-/// A finite TOML number as f64.
-fn number(value: &Value) -> Option<f64> {
+/// A finite TOML number, whole or not.
+pub fn number(value: &Value) -> Option<f64> {
     let x = match value {
         Value::Float(x) => *x,
         Value::Integer(i) => *i as f64,
@@ -242,7 +252,7 @@ fn check_table(file: &str, path: &str, table: &Table, keys: &[Key], rules: &Rule
     }
 }
 
-/// Hint for an unknown key: a known one with another unit, another kind of file, or the list of all.
+/// Hint for an unknown key: a known key with another unit, another kind of file, or the list of all keys.
 fn unknown(path: &str, name: &str, keys: &[Key], rules: &Rules) -> String {
     for key in keys {
         let Some(stem) = rules.units.iter().find_map(|unit| key.name.strip_suffix(unit)) else { continue };
@@ -260,25 +270,25 @@ fn unknown(path: &str, name: &str, keys: &[Key], rules: &Rules) -> String {
     format!("unknown key: use one of {}", names.join(", "))
 }
 
-fn check_value(file: &str, key: &str, value: &Value, kind: &Kind, rules: &Rules) -> Result<()> {
+fn check_value(file: &str, key: &str, value: &Value, kind: &KeyKind, rules: &Rules) -> Result<()> {
     if !kind.holds(value) {
         return Err(invalid(file, key, value, format!("use {}", kind.expected(key))));
     }
     match (kind, value) {
-        (Kind::Table(keys), Value::Table(table)) => check_table(file, key, table, keys, rules),
-        (Kind::Tagged(_, variants), Value::Table(table)) => {
+        (KeyKind::Table(keys), Value::Table(table)) => check_table(file, key, table, keys, rules),
+        (KeyKind::Tagged(_, variants), Value::Table(table)) => {
             let names: Vec<&str> = variants.iter().map(|(name, _)| *name).collect();
             let tag = dotted(key, "kind");
             let hint = || format!("use one of \"{}\"", names.join("\", \""));
-            let given = table.get("kind").ok_or_else(|| invalid(file, &tag, "(absent)", hint()))?;
-            let Some((_, keys)) = variants.iter().find(|(name, _)| given.as_str() == Some(name)) else {
-                return Err(invalid(file, &tag, given, hint()));
+            let tag_value = table.get("kind").ok_or_else(|| invalid(file, &tag, "(absent)", hint()))?;
+            let Some((_, keys)) = variants.iter().find(|(name, _)| tag_value.as_str() == Some(name)) else {
+                return Err(invalid(file, &tag, tag_value, hint()));
             };
             let mut rest = table.clone();
             rest.remove("kind");
             check_table(file, key, &rest, keys, rules)
         }
-        (Kind::Custom(custom), _) => (custom.check)(file, key, value),
+        (KeyKind::Custom(custom), _) => (custom.check)(file, key, value),
         _ => Ok(()),
     }
 }
@@ -289,15 +299,15 @@ mod tests {
 
     const RULES: Rules = Rules {
         keys: &[
-            required("name", Kind::Text),
-            optional("size_um", Kind::Number(0.5, 2.0), "1.0"),
-            optional("odd", Kind::Odd(3, 9), "3"),
-            optional("letters", Kind::Letters, "none"),
-            optional("srgb", Kind::Srgb, "clear"),
-            optional("sub", Kind::Table(&[required("above", Kind::Above(1.0, 4.0))]), "none"),
+            required("name", KeyKind::Text),
+            optional("size_um", KeyKind::Number(0.5, 2.0), "1.0"),
+            optional("odd", KeyKind::Odd(3, 9), "3"),
+            optional("letters", KeyKind::Letters, "none"),
+            optional("srgb", KeyKind::Srgb, "clear"),
+            optional("sub", KeyKind::Table(&[required("above", KeyKind::Above(1.0, 4.0))]), "none"),
             optional(
                 "tagged",
-                Kind::Tagged("{ kind = \"a\" }", &[("a", &[]), ("b", &[required("n", Kind::Integer(1, 5))])]),
+                KeyKind::Tagged("{ kind = \"a\" }", &[("a", &[]), ("b", &[required("n", KeyKind::Integer(1, 5))])]),
                 "none",
             ),
         ],

@@ -1,23 +1,24 @@
-//! The yarn spec: its keys as types. Lengths in um, angles in rad; the unit is part of the key.
+//! The yarn spec: its keys as types. Lengths are in um and angles in rad; the unit is part of the key.
 //!
-//! Ranges and relations of the keys are in `yarn_rules.rs`; [`YarnSpec::parse`] and [`YarnSpec::load`] check
-//! every spec by them.
+//! The ranges of the keys and the relations between them are in `yarn_rules.rs`. [`YarnSpec::parse`] and
+//! [`YarnSpec::load`] check every spec by them.
 
 use super::beam::GaussianBeam;
 use super::ply_circle::{PlyRing, ply_circle_um};
-use crate::fiber::Metal;
+use super::twist::{Handedness, Twist};
+use crate::optics::Metal;
 use serde::{Deserialize, Serialize};
 use std::f64::consts::PI;
 
-/// A yarn spec, as in `fabrics/*.toml`. Unknown keys are refused.
+/// A yarn spec, as in `fabrics/*.toml`. Unknown keys are errors.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct YarnSpec {
-    /// Name of the yarn, for the record.
+    /// Name of the yarn, for information.
     pub name: String,
     /// The main kind of fiber.
     pub fiber: FiberSpec,
-    /// A second kind of fiber among them; absent: all are alike.
+    /// A second kind of fiber among them. If absent, all fibers are of the main kind.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub blend: Option<BlendSpec>,
     /// The ply of fibers.
@@ -31,16 +32,17 @@ pub struct YarnSpec {
     /// Absorption coefficients to tabulate.
     #[serde(default)]
     pub absorption: AbsorptionSpec,
-    /// Sizes of the simulation and fit; each given key overrides the preset.
+    /// Sizes of the simulation and the fit. A key that is present overrides the preset.
     #[serde(default)]
     pub simulation: SimulationSpec,
-    /// Ranges of a family of yarns; absent: one yarn. The other keys of a yarn with ranges describe one
-    /// member.
+    /// Ranges of a family of yarns. If absent, the spec describes a single yarn. The other keys of a yarn
+    /// with ranges describe one member of the family.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub family: Option<FamilySpec>,
 }
 
-/// Ranges `[least, most]` of a family ([`crate::ply::PlyFamily`]); an absent key does not vary.
+/// Ranges `[min, max]` of a family ([`crate::ply::PlyFamily`]). A parameter whose key is absent does not
+/// vary.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct FamilySpec {
@@ -56,13 +58,13 @@ pub struct FamilySpec {
 }
 
 impl YarnSpec {
-    /// Semi-axes of the ply [um]; both the same for a circular one.
+    /// Semi-axes of the ply [um]; equal for a circular ply.
     pub fn ply_radii_um(&self) -> [f64; 2] {
         self.ply.radii_um.unwrap_or([self.ply.radius_um.unwrap_or(0.0); 2])
     }
 
-    /// Distance D [um] of the plies' axes from the yarn's axis, 0 for a single ply (Yu 2025, 5.3;
-    /// [`ply_circle_um`]).
+    /// Distance D [um] of the plies' axes from the yarn's axis (Yu 2025, 5.3; [`ply_circle_um`]); 0 for a
+    /// single ply.
     pub fn ply_circle_um(&self) -> f64 {
         let [a, b] = self.ply_radii_um();
         ply_circle_um(self.yarn.plies, a.max(b), self.yarn.ply_pitch_um).unwrap_or(0.0)
@@ -74,7 +76,7 @@ impl YarnSpec {
         PlyRing { plies: self.yarn.plies, radius_um: a.max(b), circle_um: self.ply_circle_um() }
     }
 
-    /// Area of the fibers, lumens included and without jitter, over the area of the ply.
+    /// Area of the fibers, lumens included and without jitter, relative to the area of the ply.
     pub fn packing_fraction(&self) -> f64 {
         let [a, b] = self.ply_radii_um();
         f64::from(self.ply.fibers) * self.fiber_area_um2() / (PI * a * b)
@@ -86,7 +88,7 @@ impl YarnSpec {
         self.blend.as_ref().map_or(first, |b| first + b.share * (b.fiber.shape.area_um2() - first))
     }
 
-    /// The kinds of fibers, the blend's last.
+    /// The kinds of fibers: the main kind, then that of the blend.
     pub fn fibers(&self) -> impl Iterator<Item = &FiberSpec> {
         std::iter::once(&self.fiber).chain(self.blend.as_ref().map(|blend| &blend.fiber))
     }
@@ -104,25 +106,25 @@ pub struct FiberSpec {
     /// Relative standard deviation of the shape's parameters from fiber to fiber.
     #[serde(default)]
     pub shape_jitter: f64,
-    /// Standard deviation [rad] of the rotation of the cross section from fiber to fiber; absent: uniform
-    /// over all rotations.
+    /// Standard deviation [rad] of the rotation of the cross section from fiber to fiber. If absent, all
+    /// rotations are equally probable.
     #[serde(default)]
     pub angle_jitter_rad: Option<f64>,
-    /// Real refractive index; for a fiber with dispersion, that at [`super::SODIUM_UM`]; 0 for a metal, which
-    /// has its own.
+    /// Real refractive index. For a fiber with dispersion it is the index at [`super::SODIUM_UM`]; for a
+    /// metal, whose index is built in, it is 0.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub eta: f64,
-    /// Imaginary index: the fiber is opaque. Absent: light passes through it.
+    /// Imaginary index of an opaque fiber. If absent, light passes through the fiber.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub kappa: Option<f64>,
-    /// A metal, with its measured index: the fiber is opaque.
+    /// A metal with its measured index, which makes the fiber opaque.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub metal: Option<Metal>,
-    /// Dispersion B [um^2]: the index at a wavelength is `eta + B (1/lambda^2 - 1/lambda_D^2)`, lambda_D =
-    /// [`super::SODIUM_UM`] (Cauchy). Absent: none.
+    /// Dispersion B [um^2]: the index at a wavelength is `eta + B (1/lambda^2 - 1/lambda_D^2)`, where
+    /// lambda_D = [`super::SODIUM_UM`] (Cauchy). If absent, the index is constant.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub dispersion_um2: Option<f64>,
-    /// GGX roughness of the fiber surface, 0 for smooth.
+    /// GGX roughness of the fiber's surface; 0 for a smooth one.
     pub alpha_fiber: f64,
 }
 
@@ -134,9 +136,10 @@ fn is_zero(x: &f64) -> bool {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct BlendSpec {
-    /// Their share of the fibers by number.
+    /// Share of the second kind among the fibers, by number.
     pub share: f64,
-    /// Absorption of their material over that of the first fibers: 1 for the same dye uptake, 0 for none.
+    /// Absorption of its material relative to that of the first kind: 1 for the same dye uptake, 0 for no
+    /// absorption.
     #[serde(default = "unit")]
     pub dye: f64,
     /// The second kind of fiber.
@@ -147,7 +150,7 @@ fn unit() -> f64 {
     1.0
 }
 
-/// Outlines of fiber cross sections; every length in um.
+/// Outlines of the cross sections of fibers; every length is in um.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "kind", rename_all = "snake_case", deny_unknown_fields)]
 pub enum Shape {
@@ -156,16 +159,17 @@ pub enum Shape {
         /// Radius [um].
         radius_um: f64,
     },
-    /// Circle with a concentric round core: a hollow fiber, hair with its medulla, a cortex with its cuticle.
+    /// Circle with a concentric round core, for a hollow fiber, hair with its medulla, or a cortex with its
+    /// cuticle.
     HollowCircle {
         /// Radius [um].
         radius_um: f64,
-        /// Radius of the core, as a fraction of the fiber's.
+        /// Radius of the core, as a fraction of that of the fiber.
         lumen: f64,
         /// Real refractive index of the core; 1 for air.
         #[serde(default = "unit")]
         lumen_eta: f64,
-        /// Absorption of the core over that of the fiber's material.
+        /// Absorption of the core relative to that of the fiber's material.
         #[serde(default)]
         lumen_dye: f64,
     },
@@ -184,7 +188,7 @@ pub enum Shape {
         b_um: f64,
         /// Depth of the dent, as a fraction of b.
         dent: f64,
-        /// Size of the lumen, as a fraction of the outline; 0 for none.
+        /// Size of the lumen, as a fraction of the outline; 0 for no lumen.
         lumen: f64,
     },
     /// Triangle with rounded corners (silk).
@@ -219,17 +223,17 @@ pub enum Shape {
         /// Number of teeth.
         teeth: u32,
     },
-    /// Polygon, either from a file of `x y` lines [um] or with its points in the spec. [`YarnSpec::load`]
-    /// moves the points of the file to `points_um` and empties `file`, so a loaded spec and its text are
+    /// Polygon, from a file of `x y` lines [um] or with its points in the spec. [`YarnSpec::load`] moves the
+    /// points of the file to `points_um` and empties `file`, so a loaded spec and its text are
     /// self-contained.
     Polygon {
         /// Path of the file, relative to the spec; empty once loaded.
         #[serde(default, skip_serializing_if = "String::is_empty")]
         file: String,
-        /// Corners in order [um], in either direction; closed implicitly.
+        /// Corners in order [um], in either direction. The polygon is closed implicitly.
         #[serde(default, skip_serializing_if = "Vec::is_empty")]
         points_um: Vec<[f64; 2]>,
-        /// Radius of the rounding of its corners [um].
+        /// Radius of the rounding of the corners [um].
         rounding_um: f64,
     },
 }
@@ -244,8 +248,8 @@ impl Shape {
         }
     }
 
-    /// Real index of the core, and its absorption over that of the fiber's material; that of air for a fiber
-    /// without a core.
+    /// Real index of the core, and its absorption relative to that of the fiber's material. For a fiber
+    /// without a core they are those of air.
     pub fn core(&self) -> [f64; 2] {
         match self {
             Shape::HollowCircle { lumen_eta, lumen_dye, .. } => [*lumen_eta, *lumen_dye],
@@ -260,7 +264,7 @@ impl Shape {
                 PI * radius_um * radius_um
             }
             Shape::Ellipse { a_um, b_um } => PI * a_um * b_um,
-            // The dent of `sim/src/geometry/shape.rs`, integrated.
+            // The integral of the dent in `sim/src/geometry/shape.rs`.
             Shape::Kidney { a_um, b_um, dent, .. } => a_um * b_um * (PI - 1.006_44 * dent),
             Shape::RoundedTriangle { radius_um, rounding_um } => {
                 let sharp = 0.75 * 3.0_f64.sqrt() * radius_um * radius_um;
@@ -286,32 +290,30 @@ impl Shape {
 pub struct PlySpec {
     /// Number of fibers, 1 to 200.
     pub fibers: u32,
-    /// Radius R of a circular ply [um]; the fibers lie within it.
+    /// Radius R of a circular ply [um], which contains the fibers.
     #[serde(default)]
     pub radius_um: Option<f64>,
     /// Semi-axes of an elliptical ply [um] (Yu 2025, Fig. 17).
     #[serde(default)]
     pub radii_um: Option<[f64; 2]>,
-    /// Smallest gap between fibers [um].
+    /// Minimum gap between fibers [um].
     #[serde(default = "default_gap_um")]
     pub min_gap_um: f64,
     /// Radial density of the fibers.
     #[serde(default)]
     pub packing: Packing,
-    /// Pitch of the helix [um]; absent for parallel fibers.
+    /// Pitch of the helix [um]. If absent, fibers are parallel.
     #[serde(default)]
     pub fiber_pitch_um: Option<f64>,
-    /// Hand of the helix.
+    /// Handedness of the helix.
     #[serde(default)]
     pub handedness: Handedness,
 }
 
 impl PlySpec {
-    /// Angle by which the fibers turn about the ply's axis per length along it [rad/um], positive for a
-    /// right-handed helix; 0 for parallel fibers.
-    pub fn twist_per_um(&self) -> f64 {
-        let sign = if self.handedness == Handedness::Z { 1.0 } else { -1.0 };
-        self.fiber_pitch_um.map_or(0.0, |pitch| sign * std::f64::consts::TAU / pitch)
+    /// Twist of the fibers about the ply's axis; none for parallel fibers.
+    pub fn twist(&self) -> Twist {
+        Twist::from_pitch(self.fiber_pitch_um, self.handedness)
     }
 }
 
@@ -323,22 +325,12 @@ fn default_gap_um() -> f64 {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Packing {
-    /// Densest in the middle, falling to zero at the surface, as measured in spun yarns: a ragged rim.
+    /// Densest in the middle and decreasing to zero at the surface, as measured in spun yarns; the rim is
+    /// ragged.
     #[default]
     Falling,
-    /// As hard particles fill a container: uniform, with fibers along its wall.
+    /// Uniform with fibers along the wall, as hard particles fill a container.
     Lined,
-}
-
-/// Hand of the fiber helix. With Z twist (right-handed helix) a fiber's azimuth grows with z, as
-/// `2 pi z / pitch`.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-pub enum Handedness {
-    /// Right-handed helix.
-    #[default]
-    Z,
-    /// Left-handed helix.
-    S,
 }
 
 /// The yarn: P plies of one radius with their axes on a circle about the yarn's axis (Yu 2025, 5.3).
@@ -347,10 +339,10 @@ pub enum Handedness {
 pub struct YarnGeometry {
     /// Number of plies, 1 to 7.
     pub plies: u32,
-    /// Pitch of the plies' helix [um]; absent for parallel plies. It determines the plies' distance from the
-    /// yarn's axis.
+    /// Pitch of the plies' helix [um]. If absent, plies are parallel. The pitch determines the plies'
+    /// distance from the yarn's axis.
     pub ply_pitch_um: Option<f64>,
-    /// Hand of the plies' helix, for the record: scattering treats plies as parallel.
+    /// Handedness of the plies' helix, for information: scattering treats plies as parallel.
     pub handedness: Handedness,
 }
 
@@ -368,7 +360,7 @@ pub struct BeamSpec {
     pub w0_um: f64,
     /// Wavelength of the divergence [um].
     pub lambda_um: f64,
-    /// Dark beyond this distance [um]; absent: 2 w0.
+    /// Distance [um] beyond which the beam is dark. If absent, it is 2 w0.
     pub d_cut_um: Option<f64>,
 }
 
@@ -379,7 +371,7 @@ impl Default for BeamSpec {
 }
 
 impl BeamSpec {
-    /// The beam, with d_cut resolved.
+    /// The beam, with d_cut resolved to a value.
     pub fn beam(&self) -> GaussianBeam {
         GaussianBeam {
             w0_um: self.w0_um,
@@ -393,7 +385,7 @@ impl BeamSpec {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct AbsorptionSpec {
-    /// Ascending, first 0 [1/um].
+    /// Absorption coefficients [1/um], ascending from 0.
     pub sigma_per_um: Vec<f64>,
 }
 
@@ -407,22 +399,22 @@ impl Default for AbsorptionSpec {
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct SimulationSpec {
-    /// Geometry instances in the ensemble.
+    /// Number of geometry instances in the ensemble.
     pub instances: Option<u32>,
-    /// Paths per incident latitude.
+    /// Number of paths for each incident latitude.
     pub paths_per_theta: Option<u64>,
     /// Number of incident latitudes, odd.
     pub theta_i_nodes: Option<u32>,
-    /// Largest incident latitude [rad].
+    /// Maximum incident latitude [rad].
     pub theta_i_max_rad: Option<f64>,
     /// Number of beam offsets, odd.
     pub h_nodes: Option<u32>,
-    /// Latitude bins of the outgoing sphere.
+    /// Number of latitude bins of the outgoing sphere.
     pub theta_o_bins: Option<u32>,
-    /// Azimuth bins of the outgoing sphere.
+    /// Number of azimuth bins of the outgoing sphere.
     pub phi_o_bins: Option<u32>,
-    /// Lobes of f_refl (1 is the paper's choice).
+    /// Number of lobes of f_refl (the paper uses 1).
     pub lobes_refl: Option<u32>,
-    /// Lobes of f_high.
+    /// Number of lobes of f_high.
     pub lobes_high: Option<u32>,
 }

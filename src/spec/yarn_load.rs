@@ -7,7 +7,7 @@ use crate::Result;
 use crate::io::{AssetSource, Folder, of_key, read_text, text_of};
 use std::path::Path;
 
-/// Largest spec or point file that is read [bytes].
+/// Maximum size of a spec or point file [bytes].
 const MAX_BYTES: u64 = 4 << 20;
 
 /// Text of the polyester spec that ships with the program, `fabrics/polyester.toml`.
@@ -22,31 +22,32 @@ impl YarnSpec {
         YarnSpec::parse(POLYESTER, "fabrics/polyester.toml")
     }
 
-    /// Reads a spec from its text; `file` is only for messages. A polygon must contain its points.
+    /// Reads a spec from its text; `file` is only used in messages. A polygon must contain its points.
     ///
     /// # Errors
-    /// [`crate::Error::Format`] if the text is not TOML, [`crate::Error::Invalid`] for a key that is unknown,
+    /// [`crate::Error::Format`] if the text is not TOML; [`crate::Error::Invalid`] if a key is unknown,
     /// absent or out of range.
     pub fn parse(text: &str, file: &str) -> Result<YarnSpec> {
         parse_near(text, file, None)
     }
 
-    /// Reads a spec from a file; returns the spec and the text to embed in tables and models, from which
-    /// [`YarnSpec::parse`] makes the same spec. That is the file's own text, except for a polygon from a
-    /// file: then the spec is rewritten with the points in it. The polygon's file must lie in the spec's
-    /// folder or below; [`YarnSpec::load_from`] with [`Folder::anywhere`] allows others.
+    /// Reads a spec from a file. Returns the spec and the text to embed in tables and models, which
+    /// [`YarnSpec::parse`] parses to the same spec. It is the file's own text, except for a polygon from a
+    /// file, whose points are then written into the text. The polygon's file must lie in the spec's folder or
+    /// below; [`YarnSpec::load_from`] with [`Folder::anywhere`] allows other places.
+    ///
     /// # Errors
-    /// As [`YarnSpec::parse`], and [`crate::Error::Io`] if a file cannot be read.
+    /// Those of [`YarnSpec::parse`], and [`crate::Error::Io`] if a file cannot be read.
     pub fn load(path: impl AsRef<Path>) -> Result<(YarnSpec, String)> {
         let path = path.as_ref();
         YarnSpec::load_from(&read_text(path, MAX_BYTES)?, &path.display().to_string(), &Folder::of_file(path))
     }
 
     /// Like [`YarnSpec::load`], but from the spec's text and a source of the file that it may name; `file` is
-    /// for messages.
+    /// used in messages.
     ///
     /// # Errors
-    /// As [`YarnSpec::load`].
+    /// Those of [`YarnSpec::load`].
     pub fn load_from(text: &str, file: &str, assets: &dyn AssetSource) -> Result<(YarnSpec, String)> {
         let spec = parse_near(text, file, Some(assets))?;
         if YarnSpec::parse(text, file).is_ok() {
@@ -56,7 +57,7 @@ impl YarnSpec {
         Ok((spec, text))
     }
 
-    /// The spec as TOML, from which [`YarnSpec::parse`] makes the same spec; `file` identifies it in errors.
+    /// The spec as TOML, which [`YarnSpec::parse`] parses to the same spec; `file` identifies it in errors.
     ///
     /// # Errors
     /// [`crate::Error::Invalid`] for values that TOML cannot represent.
@@ -64,10 +65,10 @@ impl YarnSpec {
         toml::to_string(self).map_err(|e| rules::invalid(file, "spec", e, "use values that TOML can hold"))
     }
 
-    /// Checks a spec that was made or changed in code, by the same rules as a parsed one.
+    /// Checks a spec that was created or changed in code by the same rules as a parsed one.
     ///
     /// # Errors
-    /// [`crate::Error::Invalid`], with `file` as given.
+    /// [`crate::Error::Invalid`], with the name `file`.
     pub fn check(&self, file: &str) -> Result<()> {
         rules::check_typed(self, file, &YARN_RULES)?;
         check_relations(file, self)
@@ -94,8 +95,8 @@ fn parse_near(text: &str, file: &str, assets: Option<&dyn AssetSource>) -> Resul
     Ok(spec)
 }
 
-/// Points of a polygon: one `x y` per line [um], blank lines and `#` comments skipped. Errors do not quote
-/// the file, whose path another file specified.
+/// Points of a polygon: one `x y` per line [um]; blank lines and `#` comments are skipped. Errors do not
+/// quote the file, because its path may come from another file.
 fn read_points(text: &str, file: &str) -> Result<Vec<[f64; 2]>> {
     let mut points = Vec::new();
     for (i, row) in text.lines().enumerate() {

@@ -1,99 +1,102 @@
-//! Rules of the yarn spec: its keys, their ranges, and the relations between them.
+//! Validation rules of the yarn spec: its keys, their ranges, and the relations between them.
 //!
-//! Within these bounds the simulator's geometry and grids are sound; they are far wider than for real yarns.
+//! Within these bounds the simulator's geometry and grids are sound. They are far wider than real yarns need.
 
 use super::ply_circle::{least_ply_pitch_um, ply_circle_um};
-use super::rules::{Key, Kind, Rules, invalid, optional, required};
+use super::rules::{Key, KeyKind, Rules, invalid, optional, required};
 use super::yarn::{BlendSpec, FiberSpec, PlySpec, Shape, YarnSpec};
 use crate::Result;
 use std::f64::consts::PI;
 
-/// Densest ply that packing accepts; random packings of discs end near 0.8.
+/// Maximum packing fraction; random packings of discs end near 0.8.
 const MAX_FRACTION: f64 = 0.9;
-/// Largest number of cells of a table, 1 GiB in f32.
+/// Maximum number of cells of a table, which is 1 GiB in f32.
 const MAX_CELLS: f64 = 2.7e8;
-/// Largest number of polygon points.
+/// Maximum number of points of a polygon.
 const MAX_POINTS: usize = 2000;
 
-const SIZE: Kind = Kind::Number(0.01, 1e4);
+const SIZE: KeyKind = KeyKind::Number(0.01, 1e4);
 /// The rules of a yarn spec.
 pub const YARN_RULES: Rules =
     Rules { keys: ROOT, units: &["_per_um", "_um", "_rad"], example: "fabrics/polyester.toml", foreign: &[] };
 
 const ROOT: &[Key] = &[
-    required("name", Kind::Text),
-    required("fiber", Kind::Table(FIBER)),
-    optional("blend", Kind::Table(BLEND), "fibers of one kind"),
-    required("ply", Kind::Table(PLY)),
-    optional("yarn", Kind::Table(YARN), "its keys' defaults"),
-    optional("beam", Kind::Table(BEAM), "its keys' defaults"),
-    optional("absorption", Kind::Table(ABSORPTION), "its keys' defaults"),
-    optional("simulation", Kind::Table(SIMULATION), "its keys' defaults"),
-    optional("family", Kind::Table(FAMILY), "one yarn"),
+    required("name", KeyKind::Text),
+    required("fiber", KeyKind::Table(FIBER_KEYS)),
+    optional("blend", KeyKind::Table(BLEND), "fibers of one kind"),
+    required("ply", KeyKind::Table(PLY)),
+    optional("yarn", KeyKind::Table(YARN), "its keys' defaults"),
+    optional("beam", KeyKind::Table(BEAM), "its keys' defaults"),
+    optional("absorption", KeyKind::Table(ABSORPTION), "its keys' defaults"),
+    optional("simulation", KeyKind::Table(SIMULATION), "its keys' defaults"),
+    optional("family", KeyKind::Table(FAMILY), "one yarn"),
 ];
-const FIBER: &[Key] = &[
-    required("shape", Kind::Tagged("{ kind = \"circle\", radius_um = 7.5 }", SHAPES)),
-    optional("size_jitter", Kind::Number(0.0, 0.25), "0.0"),
-    optional("shape_jitter", Kind::Number(0.0, 0.25), "0.0"),
-    optional("angle_jitter_rad", Kind::Number(0.0, PI), "any turn, uniformly"),
-    optional("eta", Kind::Above(0.0, 10.0), "`metal`'s"),
-    optional("kappa", Kind::Number(0.05, 20.0), "light passes the fiber"),
-    optional("metal", Kind::Choice(&["gold", "silver", "aluminium", "aluminum", "copper"]), "`eta`"),
-    optional("dispersion_um2", Kind::Number(0.0, 0.1), "one index"),
-    required("alpha_fiber", Kind::Number(0.0, 1.0)),
+#[doc(hidden)]
+/// Keys of a fiber.
+pub const FIBER_KEYS: &[Key] = &[
+    required("shape", KeyKind::Tagged("{ kind = \"circle\", radius_um = 7.5 }", SHAPES)),
+    optional("size_jitter", KeyKind::Number(0.0, 0.25), "0.0"),
+    optional("shape_jitter", KeyKind::Number(0.0, 0.25), "0.0"),
+    optional("angle_jitter_rad", KeyKind::Number(0.0, PI), "any turn, uniformly"),
+    optional("eta", KeyKind::Above(0.0, 10.0), "`metal`'s"),
+    optional("kappa", KeyKind::Number(0.05, 20.0), "light passes the fiber"),
+    optional("metal", KeyKind::Choice(&["gold", "silver", "aluminium", "aluminum", "copper"]), "`eta`"),
+    optional("dispersion_um2", KeyKind::Number(0.0, 0.1), "one index"),
+    required("alpha_fiber", KeyKind::Number(0.0, 1.0)),
 ];
 const BLEND: &[Key] = &[
-    required("share", Kind::Number(0.01, 0.99)),
-    optional("dye", Kind::Number(0.0, 10.0), "1.0"),
-    required("fiber", Kind::Table(FIBER)),
+    required("share", KeyKind::Number(0.01, 0.99)),
+    optional("dye", KeyKind::Number(0.0, 10.0), "1.0"),
+    required("fiber", KeyKind::Table(FIBER_KEYS)),
 ];
 const PLY: &[Key] = &[
-    required("fibers", Kind::Integer(1, 200)),
-    // Beyond 1 mm the tracer's single precision would not resolve its own offset from a wall.
-    optional("radius_um", Kind::Number(0.01, 1e3), "radii_um"),
-    optional("radii_um", Kind::Pair(0.01, 1e3), "radius_um"),
-    optional("min_gap_um", Kind::Number(0.001, 100.0), "0.2"),
-    optional("packing", Kind::Choice(&["falling", "lined"]), "\"falling\""),
-    optional("fiber_pitch_um", Kind::Number(0.01, 1e7), "parallel fibers"),
-    optional("handedness", Kind::Choice(&["Z", "S"]), "\"Z\""),
+    required("fibers", KeyKind::Integer(1, 200)),
+    // Above 1 mm the tracer, in f32, would not resolve its own offset from a wall.
+    optional("radius_um", KeyKind::Number(0.01, 1e3), "radii_um"),
+    optional("radii_um", KeyKind::Pair(0.01, 1e3), "radius_um"),
+    optional("min_gap_um", KeyKind::Number(0.001, 100.0), "0.2"),
+    optional("packing", KeyKind::Choice(&["falling", "lined"]), "\"falling\""),
+    optional("fiber_pitch_um", KeyKind::Number(0.01, 1e7), "parallel fibers"),
+    optional("handedness", KeyKind::Choice(&["Z", "S"]), "\"Z\""),
 ];
 const YARN: &[Key] = &[
-    optional("plies", Kind::Integer(1, 7), "1"),
-    optional("ply_pitch_um", Kind::Number(0.01, 1e7), "parallel plies"),
-    optional("handedness", Kind::Choice(&["Z", "S"]), "\"Z\""),
+    optional("plies", KeyKind::Integer(1, 7), "1"),
+    optional("ply_pitch_um", KeyKind::Number(0.01, 1e7), "parallel plies"),
+    optional("handedness", KeyKind::Choice(&["Z", "S"]), "\"Z\""),
 ];
 const BEAM: &[Key] = &[
-    optional("w0_um", Kind::Number(0.1, 1e4), "10.0"),
-    optional("lambda_um", Kind::Number(0.1, 20.0), "0.55"),
-    optional("d_cut_um", Kind::Number(0.1, 1e5), "2 w0_um"),
+    optional("w0_um", KeyKind::Number(0.1, 1e4), "10.0"),
+    optional("lambda_um", KeyKind::Number(0.1, 20.0), "0.55"),
+    optional("d_cut_um", KeyKind::Number(0.1, 1e5), "2 w0_um"),
 ];
-const ABSORPTION: &[Key] = &[optional("sigma_per_um", Kind::Ascending(10.0), "[0.0, 0.001, 0.003, 0.01, 0.03, 0.1]")];
+const ABSORPTION: &[Key] =
+    &[optional("sigma_per_um", KeyKind::Ascending(10.0), "[0.0, 0.001, 0.003, 0.01, 0.03, 0.1]")];
 const SIMULATION: &[Key] = &[
-    optional("instances", Kind::Integer(1, 1000), "the preset's"),
-    optional("paths_per_theta", Kind::Integer(1, 1_000_000_000_000), "the preset's"),
-    optional("theta_i_nodes", Kind::Odd(3, 201), "the preset's"),
-    optional("theta_i_max_rad", Kind::Above(0.0, 1.55), "the preset's"),
-    optional("h_nodes", Kind::Odd(3, 401), "the preset's"),
-    optional("theta_o_bins", Kind::Integer(4, 720), "the preset's"),
-    optional("phi_o_bins", Kind::Integer(4, 1440), "the preset's"),
-    optional("lobes_refl", Kind::Integer(1, 16), "the preset's"),
-    optional("lobes_high", Kind::Integer(1, 16), "the preset's"),
+    optional("instances", KeyKind::Integer(1, 1000), "the preset's"),
+    optional("paths_per_theta", KeyKind::Integer(1, 1_000_000_000_000), "the preset's"),
+    optional("theta_i_nodes", KeyKind::Odd(3, 201), "the preset's"),
+    optional("theta_i_max_rad", KeyKind::Above(0.0, 1.55), "the preset's"),
+    optional("h_nodes", KeyKind::Odd(3, 401), "the preset's"),
+    optional("theta_o_bins", KeyKind::Integer(4, 720), "the preset's"),
+    optional("phi_o_bins", KeyKind::Integer(4, 1440), "the preset's"),
+    optional("lobes_refl", KeyKind::Integer(1, 16), "the preset's"),
+    optional("lobes_high", KeyKind::Integer(1, 16), "the preset's"),
 ];
 const FAMILY: &[Key] = &[
-    optional("fiber_pitch_um", Kind::Pair(0.01, 1e7), "`ply.fiber_pitch_um` alone"),
-    optional("alpha_fiber", Kind::Pair(0.0, 1.0), "`fiber.alpha_fiber` alone"),
-    optional("eta", Kind::Pair(0.01, 10.0), "`fiber.eta` alone"),
+    optional("fiber_pitch_um", KeyKind::Pair(0.01, 1e7), "`ply.fiber_pitch_um` alone"),
+    optional("alpha_fiber", KeyKind::Pair(0.0, 1.0), "`fiber.alpha_fiber` alone"),
+    optional("eta", KeyKind::Pair(0.01, 10.0), "`fiber.eta` alone"),
 ];
-/// Keys of each `fiber.shape.kind`, besides `kind`.
+/// Keys of each `fiber.shape.kind` besides `kind`.
 const SHAPES: &[(&str, &[Key])] = &[
     ("circle", &[required("radius_um", SIZE)]),
     (
         "hollow_circle",
         &[
             required("radius_um", SIZE),
-            required("lumen", Kind::Number(0.02, 0.98)),
-            optional("lumen_eta", Kind::Number(1.0, 4.0), "1.0"),
-            optional("lumen_dye", Kind::Number(0.0, 10.0), "0.0"),
+            required("lumen", KeyKind::Number(0.02, 0.98)),
+            optional("lumen_eta", KeyKind::Number(1.0, 4.0), "1.0"),
+            optional("lumen_dye", KeyKind::Number(0.0, 10.0), "0.0"),
         ],
     ),
     ("ellipse", &[required("a_um", SIZE), required("b_um", SIZE)]),
@@ -102,32 +105,35 @@ const SHAPES: &[(&str, &[Key])] = &[
         &[
             required("a_um", SIZE),
             required("b_um", SIZE),
-            required("dent", Kind::Number(0.0, 0.8)),
-            required("lumen", Kind::Number(0.0, 0.9)),
+            required("dent", KeyKind::Number(0.0, 0.8)),
+            required("lumen", KeyKind::Number(0.0, 0.9)),
         ],
     ),
     ("rounded_triangle", &[required("radius_um", SIZE), required("rounding_um", SIZE)]),
-    ("stone", &[required("radius_um", SIZE), required("corners", Kind::Integer(3, 24)), required("rounding_um", SIZE)]),
-    ("trilobal", &[required("radius_um", SIZE), required("depth", Kind::Number(0.0, 0.35))]),
+    (
+        "stone",
+        &[required("radius_um", SIZE), required("corners", KeyKind::Integer(3, 24)), required("rounding_um", SIZE)],
+    ),
+    ("trilobal", &[required("radius_um", SIZE), required("depth", KeyKind::Number(0.0, 0.35))]),
     (
         "serrated",
         &[
             required("radius_um", SIZE),
-            required("depth", Kind::Number(0.0, 0.3)),
-            required("teeth", Kind::Integer(3, 60)),
+            required("depth", KeyKind::Number(0.0, 0.3)),
+            required("teeth", KeyKind::Integer(3, 60)),
         ],
     ),
     (
         "polygon",
         &[
-            optional("file", Kind::Text, "points_um"),
-            optional("points_um", Kind::Points(MAX_POINTS, 1e4), "file"),
+            optional("file", KeyKind::Text, "points_um"),
+            optional("points_um", KeyKind::Points(MAX_POINTS, 1e4), "file"),
             required("rounding_um", SIZE),
         ],
     ),
 ];
 
-/// Checks relations between keys. The polygon's points are already loaded.
+/// Checks relations between keys. The polygon's points must be loaded.
 pub(super) fn check_relations(file: &str, spec: &YarnSpec) -> Result<()> {
     let lambda_um = spec.beam.lambda_um;
     check_fiber(file, "fiber", &spec.fiber, lambda_um)?;
@@ -182,11 +188,12 @@ pub(super) fn check_relations(file: &str, spec: &YarnSpec) -> Result<()> {
         return Err(invalid(file, "beam.d_cut_um", beam.d_cut_um, hint));
     }
     let sim = &spec.simulation;
-    let least = |n: Option<u32>, absent: u32| f64::from(n.unwrap_or(absent));
-    let slices = least(sim.theta_i_nodes, 3) * least(sim.h_nodes, 3) * (1 + spec.absorption.sigma_per_um.len()) as f64;
-    let cells = slices * least(sim.theta_o_bins, 4) * least(sim.phi_o_bins, 4);
+    let at_least = |n: Option<u32>, absent: u32| f64::from(n.unwrap_or(absent));
+    let slices =
+        at_least(sim.theta_i_nodes, 3) * at_least(sim.h_nodes, 3) * (1 + spec.absorption.sigma_per_um.len()) as f64;
+    let cells = slices * at_least(sim.theta_o_bins, 4) * at_least(sim.phi_o_bins, 4);
     if cells > MAX_CELLS {
-        let value = format!("{} bins of phi_o in a table of {cells:.2e} cells", least(sim.phi_o_bins, 4));
+        let value = format!("{} bins of phi_o in a table of {cells:.2e} cells", at_least(sim.phi_o_bins, 4));
         return Err(invalid(
             file,
             "simulation.phi_o_bins",
@@ -207,11 +214,11 @@ fn check_plies(file: &str, spec: &YarnSpec, radius_um: f64) -> Result<()> {
     if let Some(pitch) = yarn.ply_pitch_um
         && ply_circle_um(yarn.plies, radius_um, Some(pitch)).is_none()
     {
-        let least = least_ply_pitch_um(yarn.plies, radius_um);
+        let min_pitch = least_ply_pitch_um(yarn.plies, radius_um);
         let hint = format!(
             "{} plies of radius {radius_um} um intersect however they lie: use {:.1} or more, or leave it out for parallel plies",
             yarn.plies,
-            (10.0 * least).ceil() / 10.0
+            (10.0 * min_pitch).ceil() / 10.0
         );
         return Err(invalid(file, "yarn.ply_pitch_um", pitch, hint));
     }
@@ -268,21 +275,21 @@ fn check_fiber(file: &str, path: &str, fiber: &FiberSpec, lambda_um: f64) -> Res
     if fiber.shape.has_lumen() {
         return refuse("shape.lumen", "a core".into(), "no light is in an opaque fiber: use a shape without".into());
     }
-    // Light that enters must be absorbed before it exits elsewhere: 20 absorption lengths across the
-    // thickness of the same area.
+    // Light that enters must be absorbed before it exits elsewhere: 20 absorption lengths across a circle of
+    // the same area.
     if let Some(kappa) = fiber.kappa {
         let width_um = 2.0 * (fiber.shape.area_um2() / PI).sqrt();
-        let least = 20.0 * lambda_um / (4.0 * PI * width_um);
-        if kappa < least {
+        let min_kappa = 20.0 * lambda_um / (4.0 * PI * width_um);
+        if kappa < min_kappa {
             let hint =
-                format!("light would pass: use {least:.3} or more, or leave it out and give sigma as absorption");
+                format!("light would pass: use {min_kappa:.3} or more, or leave it out and give sigma as absorption");
             return refuse("kappa", format!("{kappa:?}"), hint);
         }
     }
     Ok(())
 }
 
-/// Checks that two kinds of fibers in a ply share one axis of absorption.
+/// Checks that two kinds of fibers in a ply can share one axis of absorption.
 fn check_blend(file: &str, spec: &YarnSpec, blend: &BlendSpec) -> Result<()> {
     let (first, second) = (&spec.fiber, &blend.fiber);
     let key = |path: &str, fiber: &FiberSpec| {
@@ -310,7 +317,7 @@ fn check_blend(file: &str, spec: &YarnSpec, blend: &BlendSpec) -> Result<()> {
     }
 }
 
-/// Checks relations within a shape, of the fiber at `path`.
+/// Checks relations within the shape of the fiber at `path`.
 fn check_outline(file: &str, path: &str, shape: &Shape) -> Result<()> {
     let key = |name: &str| format!("{path}.shape.{name}");
     match shape {
@@ -326,14 +333,14 @@ fn check_outline(file: &str, path: &str, shape: &Shape) -> Result<()> {
             let hint = format!("use from {:.3} to {:.3} (0.02 to 0.4 of radius_um)", 0.02 * radius_um, 0.4 * radius_um);
             Err(invalid(file, &key("rounding_um"), rounding_um, hint))
         }
-        // The curvature of the teeth grows as depth teeth^2; an outline of 1024 points resolves this much.
+        // The curvature of the teeth grows as depth teeth^2; an outline of 1024 points resolves up to this.
         Shape::Serrated { depth, teeth, .. } if depth * f64::from(*teeth).powi(2) > 12.0 => {
-            let most = 12.0 / f64::from(*teeth).powi(2);
+            let max_depth = 12.0 / f64::from(*teeth).powi(2);
             Err(invalid(
                 file,
                 &key("depth"),
                 depth,
-                format!("teeth too sharp: use {most:.3} or less with {teeth} teeth"),
+                format!("teeth too sharp: use {max_depth:.3} or less with {teeth} teeth"),
             ))
         }
         Shape::Polygon { file: points_file, points_um, rounding_um } => {
@@ -379,19 +386,19 @@ fn check_polygon(file: &str, path: &str, points: &[[f64; 2]], rounding_um: f64) 
             }
         }
     }
-    // An arc of radius r that turns by t takes r tan(t/2) of both edges.
+    // An arc of radius r that turns by t shortens both edges by r tan(t/2).
     let shortens = |i: usize| {
         let (u, v) = (minus(points[i], points[(i + n - 1) % n]), minus(points[(i + 1) % n], points[i]));
         (0.5 * cross(u, v).atan2(u[0] * v[0] + u[1] * v[1]).abs()).tan()
     };
-    let most = (0..n).map(|i| length(i) / (shortens(i) + shortens((i + 1) % n))).fold(f64::INFINITY, f64::min);
-    let least = 0.002 * perimeter;
-    if !(least..=most).contains(&rounding_um) {
-        let hint = if least < most {
-            format!("use from {least:.3} to {most:.3}, so that arcs are resolved and fit on the polygon's edges")
+    let max_um = (0..n).map(|i| length(i) / (shortens(i) + shortens((i + 1) % n))).fold(f64::INFINITY, f64::min);
+    let min_um = 0.002 * perimeter;
+    if !(min_um..=max_um).contains(&rounding_um) {
+        let hint = if min_um < max_um {
+            format!("use from {min_um:.3} to {max_um:.3}, so that arcs are resolved and fit on the polygon's edges")
         } else {
             format!(
-                "no rounding fits this polygon: an edge has room for {most:.3} um only; drop its shortest edges or spikes"
+                "no rounding fits this polygon: an edge has room for {max_um:.3} um only; drop its shortest edges or spikes"
             )
         };
         return Err(invalid(file, &format!("{path}.shape.rounding_um"), rounding_um, hint));

@@ -27,6 +27,7 @@ fn eval(cloth: &ClothModel, at: [f32; 2], wo: [f32; 3], wi: [f32; 3]) -> f64 {
 
 /// The mean over a cell is the same with view and light swapped.
 #[test]
+#[ignore = "slow: 22 s: cloths are reciprocal"]
 fn cloths_are_reciprocal() {
     for (name, data) in both() {
         let cloth = cloth(data, &ClothOptions::RAYS);
@@ -56,6 +57,7 @@ fn cloths_are_reciprocal() {
 /// Sampling covers all light of eval: no sample has a large weight, whatever the position and view, and the
 /// energy by samples is that by even directions.
 #[test]
+#[ignore = "slow: 22 s: samples cover what eval has"]
 fn samples_cover_what_eval_has() {
     const N: usize = 100_000;
     for (name, data) in both() {

@@ -2,6 +2,7 @@
 //! has the value everywhere. Then periodicity.
 
 use crate::small_cloth::{ALONE, CELL_UM, RED_BLUE, cloth, with_keys};
+use plywave::Document;
 use plywave::cloth::{ClothBsdf, ClothOptions, GapLight};
 use plywave::frame::direction;
 use plywave::ply::PlyData;
@@ -33,7 +34,7 @@ fn queries(count: usize) -> Vec<Query> {
 fn points_have_their_own_color_and_models() {
     let plain = cloth(&RED_BLUE, &ClothOptions::default());
     let dyed = cloth(&RED_BLUE, &ClothOptions { sigma_per_um: Some(0.02), ..Default::default() });
-    let warp = cloth(&with_keys(&RED_BLUE, ["sigma_per_um = 0.02", "srgb = [0.1, 0.2, 0.6]"]), &ALONE);
+    let warp = cloth(&with_keys(&RED_BLUE, ["sigma_per_um = 0.02", "color = [0.1, 0.2, 0.6]"]), &ALONE);
     // A warp whose fibers absorb as if three times as thick.
     let light = plain.model_of(0).unwrap();
     let path_um = light.data().path_um.iter().map(|p| 3.0 * p).collect();

@@ -2,11 +2,12 @@
 //! transmits the light that it removes from a ply, and samples cover it.
 
 use crate::small_cloth::{ALONE, RED_BLUE, cloth, with_keys};
-use plywave::check::check_bsdf;
-use plywave::cloth::{ClothBsdf, ClothModel, ClothOptions, ClothSpec, ColorOf, LineHits, Slits, YarnColor};
+use plywave::cloth::{ClothBsdf, ClothModel, ClothOptions, ColorOf, LineHits, Slits, YarnColor};
 use plywave::frame::direction;
 use plywave::gap::SLIT_SHARE;
 use plywave::{Bsdf, BsdfSample, ClothQuery};
+use plywave_check::check_bsdf;
+use plywave_textile::ClothSpec;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 use std::f32::consts::TAU;
@@ -170,7 +171,7 @@ fn specs_ask_for_slits() {
     }
     assert!(differ[0] > 100 && 5 * differ[1] < differ[0], "points that differ, warp and weft: {differ:?}");
     let spec = ClothSpec::parse(&crate::small_cloth::spec(["slit_um = 2.5", ""]), "open").unwrap();
-    let slits: Vec<Option<Slits>> = spec.yarns().iter().map(|yarn| yarn.slits()).collect();
+    let slits: Vec<Option<Slits>> = spec.yarns().iter().map(|yarn| yarn.slits).collect();
     assert_eq!(slits, [with(2.5, SLIT_SHARE), None]);
 }
 

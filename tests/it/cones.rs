@@ -3,13 +3,14 @@
 //! sampling, files, slits, mirrored incidences.
 
 use crate::synthetic::{STANDARD, Sizes, cone_model, model};
-use plywave::check::{CheckOptions, check_model};
+use plywave::Document;
 use plywave::frame::direction;
 use plywave::gap::{SLIT_SHARE, Slit};
-use plywave::ply::reference::Mixture;
 use plywave::ply::{LobeKind, PlyData, Queries};
 use plywave::spec::GaussianBeam;
 use plywave::{Bsdf, BsdfSample, PlyModel, PlyQuery};
+use plywave_check::reference::Mixture;
+use plywave_check::{CheckOptions, check_model};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 

@@ -1,13 +1,14 @@
 //! Every model that loads is evaluated in bounded time. Each tensor of a small model is set in turn to the
 //! ends of the range that loads, found by bisection of the loader, and the code of `plywave check`, `eval`,
 //! `sample`, `info` and `plot` runs on the result. At the ends of a bandwidth the integrals over the sphere
-//! are accurate too: the check's nodes follow the lobe (`src/check/nodes.rs` compares them with closed
+//! are accurate too: the check's nodes follow the lobe (`conformance/src/nodes.rs` compares them with closed
 //! forms).
 
-use plywave::check::{CheckOptions, FURNACE_TOLERANCE, check_incidence, check_layers, check_model, check_whole};
+use plywave::Document;
 use plywave::frame::direction;
 use plywave::ply::{PlyData, PlyPlace};
 use plywave::{Bsdf, PlyModel, PlyQuery};
+use plywave_check::{CheckOptions, FURNACE_TOLERANCE, check_incidence, check_layers, check_model, check_whole};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 use std::time::{Duration, Instant};

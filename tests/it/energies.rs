@@ -8,8 +8,9 @@ use nalgebra::Vector3;
 use plywave::ply::PlyData;
 use plywave::spec::{Packing, YarnSpec};
 use plywave_fit::{FitOptions, fit};
+use plywave_runs::Run;
 use plywave_sim::{
-    Medium, PathEnd, PlySection, RoughDielectric, Run, ScrewTracer, SimOptions, Trace, Tracer, simulate, trace_path,
+    Medium, PathEnd, PlySection, RoughDielectric, ScrewTracer, SimOptions, Trace, Tracer, simulate, trace_path,
 };
 use rand::{Rng, RngExt, SeedableRng};
 use rand_distr::StandardNormal;

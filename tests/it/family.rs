@@ -4,6 +4,7 @@
 //! The nodes are planted: the shipped polyester, with lobes and energies that change smoothly with the
 //! parameters.
 
+use plywave::Document;
 use plywave::math::hash::SplitMix64;
 use plywave::ply::asg::PARAMS;
 use plywave::ply::{FamilyAxis, FamilyData, FamilyParam, FamilyParams, PlyData, PlyFamily};

@@ -1,10 +1,11 @@
 //! Table and model files: written files read back; damaged, foreign or hostile files are refused in one line.
 
 use crate::synthetic::{STANDARD, Sizes, model, table};
+use plywave::Document;
 use plywave::io::{FileKind, file_kind};
 use plywave::ply::{PlyData, PlyEnergies};
-use plywave::table::Table;
 use plywave::{Bsdf, PlyModel, PlyQuery};
+use plywave_tables::table::Table;
 use proptest::prelude::*;
 
 #[test]

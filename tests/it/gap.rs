@@ -3,11 +3,11 @@
 //! checks of every `Bsdf`.
 
 use plywave::bsdf::Outcomes;
-use plywave::check::check_bsdf;
 use plywave::gap::{Aperture, Gap};
 use plywave::math::faddeeva::{diffraction_factor, power_between};
 use plywave::spec::GaussianBeam;
 use plywave::{Bsdf, BsdfSample};
+use plywave_check::check_bsdf;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 
@@ -193,8 +193,8 @@ fn any_input_gives_finite_numbers() {
 
 /// The integral of f differs from 1 by the light that the aperture's edges send beyond all directions, minus
 /// the light that Kirchhoff's cosines add elsewhere. To first order in the wavelength, of each axis alone
-/// (docs/explain/papers.md), with q the mean intensity at its two edges over the power between them [1/um]:
-/// lambda/(2 pi^2) (q_x (1/c^2 + pi/(4 c)) + q_y (1 + pi/4)/c), c the cosine of a tilt towards x.
+/// (docs/explain/papers/yu_2025.md), with q the mean intensity at its two edges over the power between them
+/// [1/um]: lambda/(2 pi^2) (q_x (1/c^2 + pi/(4 c)) + q_y (1 + pi/4)/c), c the cosine of a tilt towards x.
 #[test]
 fn missing_energy_is_that_of_the_edges() {
     let pi = std::f64::consts::PI;

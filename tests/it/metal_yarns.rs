@@ -1,13 +1,13 @@
 //! Yarns of metal in a cloth have their own color, by wavelength and in RGB; dyes replace it.
 
-use crate::small_cloth::{CELL_UM, cloth, gilded, spec};
+use crate::small_cloth::{self, CELL_UM, cloth, gilded};
 use plywave::cloth::{Channels, ClothModel, ClothOptions, ColorOf, Values, YarnColor};
 use plywave::color::spectrum_lambda_um;
 use plywave::spec::YarnSpec;
 use plywave::{Bsdf, ClothQuery};
 
 fn gold() -> YarnSpec {
-    YarnSpec::load(concat!(env!("CARGO_MANIFEST_DIR"), "/fabrics/gold.toml")).unwrap().0
+    plywave_textile::load_yarn_file(concat!(env!("CARGO_MANIFEST_DIR"), "/fabrics/gold.toml")).unwrap().0
 }
 
 /// Absorptions [1/um] of the yarn of a number of warp or weft, at the wavelengths of its dye's spectrum.
@@ -21,9 +21,7 @@ fn sigma(cloth: &ClothModel, kind: usize, yarn: usize) -> Vec<f32> {
 
 /// A warp of polyester and a weft of gold with more keys.
 fn with_keys(yarns: [&str; 2]) -> ClothModel {
-    let mut data = gilded();
-    data.spec_text = spec(yarns);
-    cloth(&data, &ClothOptions::SMOOTH)
+    cloth(&small_cloth::with_keys(&gilded(), yarns), &ClothOptions::SMOOTH)
 }
 
 #[test]
@@ -47,7 +45,7 @@ fn metals_have_their_own_color_where_nothing_else_is_said() {
     assert_eq!(sigma(&again, 0, 0), [0.01; 81]);
     // Stripes of the other kind leave it its color.
     let mut striped = gilded();
-    striped.colors[0] = vec![[0.5, 0.1, 0.1], [0.1, 0.1, 0.5]];
+    striped.looks[0].colors = [[0.5, 0.1, 0.1], [0.1, 0.1, 0.5]].map(YarnColor::Srgb).to_vec();
     let striped = cloth(&striped, &ClothOptions::SMOOTH);
     assert!(near(sigma(&striped, 1, 1)) && sigma(&striped, 0, 0) != sigma(&striped, 0, 1));
     // What is seen is seen with these absorptions.

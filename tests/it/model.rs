@@ -1,12 +1,13 @@
 //! The runtime's evaluator. Chain of trust: `asg::Lobe` is tested against brute-force integrals in its own
-//! file; the reference implementation `plywave::ply::reference` uses it in f64 and tests the fast kernels
+//! file; the reference implementation `plywave_check::reference` uses it in f64 and tests the fast kernels
 //! here; the furnace, sampling and symmetry tests then need no reference.
 
 use crate::synthetic::{STANDARD, Sizes, model};
-use plywave::check::{CheckOptions, check_incidence, check_model};
 use plywave::frame::{direction, mirror_incidence};
-use plywave::ply::{Queries, reference::Mixture};
+use plywave::ply::Queries;
 use plywave::{Bsdf, BsdfSample, PlyModel, PlyQuery};
+use plywave_check::reference::Mixture;
+use plywave_check::{CheckOptions, check_incidence, check_model};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 

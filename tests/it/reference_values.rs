@@ -1,8 +1,8 @@
 //! Reference values of the shipped models: a reader with other rounding reproduces them.
 
 use plywave::ply::LobeKind;
-use plywave::ply::reference::Mixture;
 use plywave::{Bsdf, PlyModel, PlyQuery};
+use plywave_check::reference::Mixture;
 use std::path::PathBuf;
 
 fn models() -> Vec<(String, PlyModel)> {

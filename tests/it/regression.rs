@@ -4,11 +4,13 @@
 //! `plywave simulate tests/data/small.toml --preset preview -o tests/data/small.pwt` and
 //! `plywave fit tests/data/small.pwt -o tests/data/small.pwm`.
 
+use plywave::Document;
 use plywave::ply::PlyData;
 use plywave::spec::YarnSpec;
-use plywave::table::Table;
 use plywave_fit::{DiffTolerance, FitOptions, diff, errors, fit};
-use plywave_sim::{Run, SimOptions, simulate};
+use plywave_runs::Run;
+use plywave_sim::{SimOptions, simulate};
+use plywave_tables::table::Table;
 
 fn data(name: &str) -> String {
     format!("{}/tests/data/{name}", env!("CARGO_MANIFEST_DIR"))

@@ -3,7 +3,7 @@
 //! Wu, Dalal 2005) and compared with its published pairs.
 
 use crate::small_cloth::{CELL_UM, RED_BLUE, cloth};
-use plywave::cloth::{Channels, ClothOptions, ColorOf, YarnColor};
+use plywave::cloth::{Brightness, Channels, ClothOptions, ColorOf, YarnColor, color_of};
 use plywave::color::{
     SigmaSpectrum, SmoothReflectance, lab_of_xyz, linear_srgb_of_xyz, spectrum_lambda_um, srgb_decode,
     xyz_of_linear_rec2020, xyz_of_linear_srgb, xyz_of_reflectance,
@@ -142,6 +142,36 @@ fn rgb(cloth: &ClothModel, channels: Channels) -> Colors {
     }
     let xyz = if channels == Channels::LinearSrgb { xyz_of_linear_srgb } else { xyz_of_linear_rec2020 };
     Colors { sky: xyz(sky), front: xyz(front) }
+}
+
+/// A cloth that loads takes its brightness from the file, whatever its colors are colors of: made-up numbers
+/// come back.
+#[test]
+fn brightness_comes_from_the_file() {
+    let mut data = RED_BLUE.clone();
+    data.brightness = Brightness {
+        even_sky: std::array::from_fn(|node| 1.0 - 0.04 * node as f64),
+        reflected: std::array::from_fn(|node| 0.9 - 0.03 * node as f64),
+        folded: std::array::from_fn(|node| 0.8 - 0.01 * node as f64),
+    };
+    let at_node = |node: usize| [color_of::v_of(node), color_of::v_of(node), color_of::v_of_pile(node)];
+    for (own, name) in [(ColorOf::EvenSky, "even_sky"), (ColorOf::Reflected, "reflected"), (ColorOf::Folded, "folded")]
+    {
+        data.color_of = own;
+        let cloth = cloth(&data, &ClothOptions::default());
+        assert_eq!(cloth.color_of(), own);
+        for (k, of) in [ColorOf::EvenSky, ColorOf::Reflected, ColorOf::Folded].into_iter().enumerate() {
+            for node in [0, 3, 12] {
+                let sigma = color_of::sigma_of(at_node(node)[k]);
+                let want = [1.0 - 0.04 * node as f64, 0.9 - 0.03 * node as f64, 0.8 - 0.01 * node as f64][k];
+                let got = cloth.color_curve_of(of).albedo(sigma);
+                assert!((got - want).abs() < 1e-9, "{name}, {of:?}, node {node}: {got}, want {want}");
+                if of == own {
+                    assert_eq!(cloth.color_curve().albedo(sigma), got);
+                }
+            }
+        }
+    }
 }
 
 /// The limit of CIEDE2000 is 2 for every color in BT.2020, and in linear sRGB for colors of yarns with no

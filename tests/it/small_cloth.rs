@@ -4,7 +4,8 @@
 
 use plywave::PlyModel;
 use plywave::cloth::{ClothCurves, ClothData, ClothModel, ClothOptions, ClothYarn, Lattice, PlyCurve};
-use plywave_sim::cloth::{Effort, make_ready};
+use plywave_sim::cloth::{Effort, precompute};
+use plywave_textile::ClothSpec;
 use std::f64::consts::{FRAC_PI_2, TAU};
 use std::sync::{Arc, LazyLock};
 
@@ -27,9 +28,13 @@ pub fn model(name: &str) -> Arc<PlyModel> {
 
 /// Spec of a plain weave, with more keys of warp and weft.
 pub fn spec([warp, weft]: [&str; 2]) -> String {
-    let yarn = "count = { tex = 10 }\ndensity_g_per_cm3 = 1.38\n";
-    let weave = "name = \"small\"\n[weave]\nkind = \"plain\"\n";
-    format!("{weave}[warp]\nends_per_cm = 52\n{yarn}{warp}\n[weft]\npicks_per_cm = 52\n{yarn}{weft}\n")
+    let yarn = "fiber = \"polyester\"\ncount = \"10 tex\"\npacking = 0.6\nbundles = 1\n";
+    let weave = "name = \"small\"\n[weave]\nkind = \"plain\"\nends_per_cm = 52\npicks_per_cm = 52\n";
+    format!("{weave}[warp]\n{yarn}{warp}\n[weft]\n{yarn}{weft}\n")
+}
+
+fn parsed(text: &str) -> ClothSpec {
+    ClothSpec::parse(text, "small.toml").unwrap()
 }
 
 /// A plain weave of plies whose axes are cosines: two ends, two picks.
@@ -59,7 +64,8 @@ fn plain(spacing_um: f64) -> ClothCurves {
 /// A plain weave of a warp and a weft of these models, of plies of 50 um.
 pub fn woven(models: [Arc<PlyModel>; 2], yarns: [&str; 2], spacing_um: f64, has_far: bool) -> ClothData {
     let effort = if has_far { Effort::Full } else { Effort::Near };
-    make_ready(&spec(yarns), "small", &plain(spacing_um), &models, effort, &|_| true).unwrap()
+    let text = spec(yarns);
+    precompute(&parsed(&text), &text, &plain(spacing_um), &models, effort, &|_| true).unwrap()
 }
 
 /// A warp of polyester and a weft of gold, undyed, with the mean over the cell, which takes a while.
@@ -67,7 +73,7 @@ pub static LAME: LazyLock<ClothData> =
     LazyLock::new(|| woven(["polyester", "gold"].map(model), [""; 2], SPACING_UM, true));
 /// Polyester alone, red and blue, without the mean.
 pub static RED_BLUE: LazyLock<ClothData> = LazyLock::new(|| {
-    let colors = ["srgb = [0.5, 0.06, 0.12]", "srgb = [0.1, 0.2, 0.6]"];
+    let colors = ["color = [0.5, 0.06, 0.12]", "color = [0.1, 0.2, 0.6]"];
     woven(["polyester"; 2].map(model), colors, SPACING_UM, false)
 });
 
@@ -84,7 +90,7 @@ pub fn cloth(data: &ClothData, options: &ClothOptions) -> ClothModel {
 
 /// The same cloth with more keys of warp and weft.
 pub fn with_keys(data: &ClothData, yarns: [&str; 2]) -> ClothData {
-    let mut other = data.clone();
-    other.spec_text = spec(yarns);
-    other
+    let text = spec(yarns);
+    let spec = parsed(&text);
+    ClothData { spec_text: text, color_of: spec.color_of, looks: spec.looks(), ..data.clone() }
 }

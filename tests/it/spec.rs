@@ -300,7 +300,7 @@ proptest! {
 fn metals_hollow_circles_blends_and_dispersion_are_read() {
     let gold = YarnSpec::parse(&polyester_with("eta = 1.60", "metal = \"gold\""), "gold").unwrap();
     assert!(gold.fiber.is_opaque());
-    let [eta, kappa] = plywave::fiber::Metal::Gold.index(0.55).map(f64::from);
+    let [eta, kappa] = plywave::optics::Metal::Gold.index(0.55).map(f64::from);
     assert_eq!([gold.fiber.eta_at(0.55), gold.fiber.kappa_at(0.55)], [eta, kappa]);
     // Gold keeps less of blue light than of red.
     assert!(gold.own_sigma_per_um(0.45) > 15.0 * gold.own_sigma_per_um(0.65));

@@ -1,14 +1,15 @@
 //! Guarantees of loading: every model that loads gives finite, non-negative light, and no more than the
 //! incident light; invalid directions give none.
 
+use crate::no_direction::{NONE, dark};
 use crate::small_cloth::{RED_BLUE, cloth};
 use crate::synthetic::{Sizes, model};
+use plywave::Document;
 use plywave::cloth::ClothOptions;
-use plywave::fiber::{FiberSource, FiberTable, OutlineSymmetry, TabulatedFiber};
 use plywave::gap::{Aperture, Gap};
 use plywave::ply::{Layer, LayerFactors, PlyData};
 use plywave::spec::GaussianBeam;
-use plywave::{Bsdf, ClothQuery, FiberQuery, PlyModel, PlyQuery};
+use plywave::{Bsdf, ClothQuery, PlyModel, PlyQuery};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 use std::path::{Path, PathBuf};
@@ -152,45 +153,6 @@ fn two_layers_of_any_model_give_no_negative_light() {
     assert!(doubles > 1000, "{doubles}");
 }
 
-/// A lossless round fiber that scatters evenly over the azimuth.
-fn round_fiber() -> FiberTable {
-    FiberTable {
-        spec_text: "made up".into(),
-        program_version: "0".into(),
-        preset: "test".into(),
-        seed: 1,
-        source: FiberSource::Wave,
-        symmetry: OutlineSymmetry::CIRCLE,
-        beta_m: 0.15,
-        lambda_um: vec![0.5, 0.6],
-        theta_i: FiberTable::theta_nodes(4),
-        phi_i: OutlineSymmetry::CIRCLE.phi_i(1),
-        width_um: vec![2.0],
-        c_x_um: vec![4.0; 8],
-        c_abs_um: vec![0.0; 8],
-        azimuthal: vec![1.0 / std::f32::consts::TAU; 8 * 16],
-    }
-}
-
-/// Vectors that are not directions, from slightly too long to those whose squares overflow.
-const NONE: [[f32; 3]; 9] = [
-    [1e30, 0.0, -1e30],
-    [1.9e19, 0.5, -0.5],
-    [0.5, -1.9e19, -0.5],
-    [0.5, 0.5, -1.9e19],
-    [f32::MAX, f32::MAX, -f32::MAX],
-    [f32::NAN, 0.6, -0.8],
-    [0.0, f32::INFINITY, -0.8],
-    [0.0, 0.6, f32::NEG_INFINITY],
-    [0.0, -20.0, -20.0],
-];
-
-fn dark<const N: usize>(at: &impl Bsdf<N>, w: [f32; 3], what: &str) {
-    let (f, pdf) = at.eval_pdf(w);
-    assert!(f == [0.0; N] && pdf == 0.0, "{what}: f = {f:?}, pdf = {pdf} in {w:?}");
-    assert!(at.eval(w) == [0.0; N] && at.pdf(w) == 0.0, "{what}: {w:?}");
-}
-
 #[test]
 fn what_is_no_direction_gives_no_light() {
     let two = layered(0.5, 0.4, 0.6);
@@ -198,7 +160,6 @@ fn what_is_no_direction_gives_no_light() {
     let below = ply.layer(0.3, [0.01]).unwrap();
     let beam = GaussianBeam { w0_um: 10.0, lambda_um: 0.5, d_cut_um: 20.0 };
     let gap = Gap::new(&Aperture::centered(10.0, 4.0).unwrap(), &beam);
-    let fibers = [TabulatedFiber::from_table(round_fiber()).unwrap()];
     let cloth = cloth(&RED_BLUE, &ClothOptions::default());
     for w in NONE {
         dark(&ply.at(&PlyQuery::new(0.0, 0.0, [0.01], [0.5])), w, "ply");
@@ -207,24 +168,9 @@ fn what_is_no_direction_gives_no_light() {
         let at = gap.at(w, [0.5, 0.6]);
         dark(&at, [0.0, 0.6, 0.8], "gap lit from nowhere");
         assert_eq!(at.albedo(), [0.0; 2]);
-        for fiber in &fibers {
-            dark(&fiber.at(&FiberQuery::new([0.6, 0.0, 0.8], [0.5, 0.6])), w, "fiber");
-            let at = fiber.at(&FiberQuery::new(w, [0.5]));
-            dark(&at, [0.6, 0.0, 0.8], "fiber lit from nowhere");
-            assert!(at.albedo() == [0.0] && at.width_um() == [0.0]);
-        }
         for i in 0..200 {
             let at = [17.3 * i as f32, 29.1 * i as f32];
             dark(&cloth.at(&ClothQuery::rgb(at, [0.0, 0.6, 0.8])), w, "cloth");
         }
     }
-}
-
-/// A width of NaN counts as the least.
-#[test]
-fn longitudinal_widths_that_are_no_numbers_are_the_least() {
-    let fiber = TabulatedFiber::from_table(round_fiber()).unwrap().with_beta_m(f32::NAN);
-    assert_eq!(fiber.table().beta_m, 0.001);
-    let f = fiber.at(&FiberQuery::new([0.6, 0.0, 0.8], [0.5])).eval([0.6, 0.0, -0.8]);
-    assert!(f[0].is_finite() && f[0] > 0.0, "{f:?}");
 }

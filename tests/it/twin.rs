@@ -2,9 +2,10 @@
 //! itself, so the distance must be zero.
 
 use crate::small_cloth::{CELL_UM, RED_BLUE, cloth};
+use plywave::Document;
 use plywave::cloth::{ClothModel, ClothOptions, GapLight};
-use plywave::twin::{CLASSES, ClothTwin, ComparisonOptions, SphereBins, compare};
 use plywave::{Bsdf, BsdfSample, ClothQuery};
+use plywave_tables::twin::{CLASSES, ClothTwin, ComparisonOptions, SphereBins, compare};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 

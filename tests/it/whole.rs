@@ -3,14 +3,15 @@
 //! energy, density and samples.
 
 use crate::synthetic::{STANDARD, Sizes, model};
+use plywave::Document;
 use plywave::bsdf::Outcomes;
-use plywave::check::check_bsdf;
 use plywave::frame::direction;
 use plywave::gap::Slit;
 use plywave::ply::asg::Lobe;
 use plywave::ply::{EdgeLobes, PlyData, beam_mu};
 use plywave::spec::GaussianBeam;
 use plywave::{Bsdf, BsdfSample, PlyModel, PlyQuery};
+use plywave_check::check_bsdf;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 

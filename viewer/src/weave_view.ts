@@ -9,31 +9,32 @@ const LARGEST = 32;
 /** Time after a change before the cloth is made [ms]. */
 const PAUSE_MS = 500;
 
-/** The text of a spec with another weave: rows of `X` and `.`, the last woven first. */
+/** The text of a spec with another weave: rows of `X` and `.`, the last woven first. Ends and picks per centimeter stay. */
 export function withRows(text: string, rows: string[]): string {
-  const weave = `[weave]\nkind = "draft"\nrows = [\n${rows.map((row) => `    "${row}",\n`).join("")}]\n`;
+  const drawn = `[weave]\nkind = "draft"\nrows = [\n${rows.map((row) => `    "${row}",\n`).join("")}]\n`;
+  const weaveWith = (old: string[]) => drawn + (old.map((line) => line.split("#")[0]).join("\n").match(/\b(?:ends|picks)_per_cm\s*=\s*[\d.eE+]+/g) ?? []).map((key) => `${key}\n`).join("");
   // The table [weave] ends before the next one; it may also be a line `weave = {..}`.
   const lines = text.split("\n");
   const first = lines.findIndex((line) => /^\s*\[weave\]/.test(line));
   if (first >= 0) {
     const length = lines.slice(first + 1).findIndex((line) => /^\s*\[\[?\w/.test(line));
     const last = length < 0 ? lines.length : first + 1 + length;
-    lines.splice(first, last - first, ...weave.split("\n"));
+    lines.splice(first, last - first, ...weaveWith(lines.slice(first, last)).split("\n"));
     return lines.join("\n");
   }
-  const kept = lines.filter((line) => !/^\s*weave\s*=/.test(line));
+  const isWeave = (line: string) => /^\s*weave\s*=/.test(line);
+  const kept = lines.filter((line) => !isWeave(line));
   const table = kept.findIndex((line) => /^\s*\[/.test(line));
-  kept.splice(table < 0 ? kept.length : table, 0, ...weave.split("\n"));
+  kept.splice(table < 0 ? kept.length : table, 0, ...weaveWith(lines.filter(isWeave)).split("\n"));
   return kept.join("\n");
 }
 
 /** A spec for a weavers' file: cotton yarns of the sheet's count, which the user may change. */
 export function specOfWif(file: string): string {
-  const yarn = (color: string) =>
-    `model = "plies/cotton_single.toml"\ncount = { ne = 30 }\ndensity_g_per_cm3 = 1.52\npacking = 0.6\n${color}`;
+  const yarn = `model = "cotton_single"\nfiber = "cotton"\ncount = "Ne 30"\ntwist = "Z 750/m"\nbundles = 1`;
   return (
     `# The draft is the file's; yarns and their number are of this page.\nname = ${JSON.stringify(file.replace(/\.wif$/i, ""))}\n\n` +
-    `[weave]\nkind = "wif"\nfile = ${JSON.stringify(file)}\n\n[warp]\n${yarn("ends_per_cm = 36")}\n\n[weft]\n${yarn("picks_per_cm = 32")}\n`
+    `[weave]\nkind = "wif"\nfile = ${JSON.stringify(file)}\nends_per_cm = 36\npicks_per_cm = 32\n\n[warp]\n${yarn}\n\n[weft]\nas = "warp"\n`
   );
 }
 

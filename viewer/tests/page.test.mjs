@@ -185,7 +185,7 @@ test("a spec becomes a cloth, and its draft can be changed", async () => {
 
 test("a spec that is wrong is told, with its key", async () => {
   const spec = await page.inputValue("#spec");
-  await page.fill("#spec", spec.replace("packing = 0.65", "packing = 7"));
+  await page.fill("#spec", spec.replace("fibers = 16", "packing = 7"));
   await page.waitForFunction(() => /packing/.test(document.getElementById("loom").textContent));
   assert.match(await text("loom"), /organza\.toml: .*packing.*7/);
 });

@@ -3,10 +3,12 @@
 
 #![allow(clippy::undocumented_unsafe_blocks)] // Of all blocks: live pointers of the lengths that the calls ask for, but where it is said.
 
-use plywave::fiber::{FiberSource, FiberTable, FilamentSpec, OutlineSymmetry, TabulatedFiber};
+use plywave::Document;
 use plywave::ply::{PlyPlace, Queries};
-use plywave::{Bsdf, BsdfSample, FiberModel, FiberQuery, PlyModel, PlyQuery};
+use plywave::{Bsdf, BsdfSample, PlyModel, PlyQuery};
 use plywave_capi::*;
+use plywave_fiber::{FiberModel, FiberQuery};
+use plywave_fiber::{FiberSource, FiberTable, FilamentSpec, OutlineSymmetry, TabulatedFiber};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 use std::ffi::{CString, c_char};
@@ -249,11 +251,11 @@ fn a_check_gives_the_numbers_of_the_command() {
     let mut found: PlywavePlyReport = zeroed();
     // SAFETY: live pointers.
     ok(|e| unsafe { plywave_ply_check(ply.0, 7, 3000, 1, &mut found, e) });
-    let options = plywave::check::CheckOptions { incidences: 7, samples: 3000, ..Default::default() };
+    let options = plywave_check::CheckOptions { incidences: 7, samples: 3000, ..Default::default() };
     let mut rng = Pcg64Mcg::seed_from_u64(1);
-    let lobes = plywave::check::check_model(&model, &options, &mut || rng.random());
-    let whole = plywave::check::check_whole(&model, &options, &mut || rng.random()).expect("edge lobes");
-    let layers = plywave::check::check_layers(&model, &options, &mut || rng.random()).expect("layer factors");
+    let lobes = plywave_check::check_model(&model, &options, &mut || rng.random());
+    let whole = plywave_check::check_whole(&model, &options, &mut || rng.random()).expect("edge lobes");
+    let layers = plywave_check::check_layers(&model, &options, &mut || rng.random()).expect("layer factors");
     assert_eq!(found.lobes.chi2_p, lobes.chi2_p());
     assert_eq!(found.lobes.furnace_error, lobes.furnace_error());
     assert_eq!(found.whole.chi2_p, whole.scatter.chi2_p);

@@ -4,6 +4,7 @@
 
 #![allow(clippy::undocumented_unsafe_blocks)] // Of all blocks: pointers are null, misaligned or of impossible lengths, which the library looks at before it reads, or to live memory.
 
+use plywave::Document;
 use plywave_capi::*;
 use std::ffi::CString;
 use std::mem::MaybeUninit;

@@ -4,3 +4,4 @@ mod calls;
 mod cloth;
 mod errors;
 mod small_cloth;
+mod status;

@@ -2,7 +2,8 @@
 
 use plywave::PlyModel;
 use plywave::cloth::{ClothCurves, ClothData, ClothYarn, Lattice, PlyCurve};
-use plywave_sim::cloth::{Effort, make_ready};
+use plywave_sim::cloth::{Effort, precompute};
+use plywave_textile::ClothSpec;
 use std::sync::Arc;
 
 const FABRICS: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../fabrics");
@@ -34,20 +35,20 @@ pub(crate) fn cloth(kinds: u32) -> ClothData {
             curves.curves.push(PlyCurve::through(index, RADIUS_UM, period, &points, &lattice));
         }
     }
-    let yarn =
-        |color: &str| format!("model = \"polyester\"\ncount = {{ tex = 10 }}\ndensity_g_per_cm3 = 1.38\n{color}");
-    let (red, blue) = (yarn("srgb = [0.7, 0.1, 0.1]\n"), yarn("srgb = [0.1, 0.2, 0.6]\n"));
-    let spec = match kinds {
+    let red = "model = \"polyester\"\nfiber = \"polyester\"\ncount = \"10 tex\"\npacking = 0.6\nbundles = 1\n\
+               color = [0.7, 0.1, 0.1]\n";
+    let text = match kinds {
         1 => format!("name = \"sheet\"\n[curves]\nfile = \"sheet.toml\"\n[yarn]\n{red}"),
         _ => format!(
-            "name = \"plain\"\n[weave]\nkind = \"plain\"\n[warp]\n{red}ends_per_cm = 66\n[weft]\n{blue}picks_per_cm = 66\n"
+            "name = \"plain\"\n[weave]\nkind = \"plain\"\nends_per_cm = 66\npicks_per_cm = 66\n[warp]\n{red}\
+             [weft]\nas = \"warp\"\ncolor = [0.1, 0.2, 0.6]\n"
         ),
     };
+    let spec = ClothSpec::parse(&text, "small.toml").expect("a good spec");
     let model = Arc::new(PlyModel::load(format!("{FABRICS}/models/polyester.pwm")).expect("a model that ships"));
-    let name = if kinds == 1 { "sheet" } else { "plain" };
-    make_ready(
+    precompute(
         &spec,
-        name,
+        &text,
         &curves,
         &vec![model; kinds as usize],
         if kinds == 2 { Effort::Full } else { Effort::Near },

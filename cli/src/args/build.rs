@@ -42,7 +42,7 @@ pub struct ResumeArgs {
 pub struct ShardArgs {
     /// Run only part K of N and write a part file; `plywave merge` joins all parts, from any machines, into
     /// the same bits as a single run.
-    #[arg(long, value_name = "K/N", value_parser = crate::commands::runs::share)]
+    #[arg(long, value_name = "K/N", value_parser = share)]
     pub shards: Option<(usize, usize)>,
     /// Print the shards of the run and its identity; run nothing.
     #[arg(long, conflicts_with = "shards")]
@@ -166,4 +166,26 @@ pub struct BuildArgs {
     /// How to run.
     #[command(flatten)]
     pub run: RunArgs,
+}
+
+/// Reads `K/N` of `--shards`.
+fn share(text: &str) -> Result<(usize, usize), String> {
+    let read = |part: &str| part.parse::<usize>().ok();
+    match text.split_once('/').map(|(k, n)| (read(k), read(n))) {
+        Some((Some(k), Some(n))) if (1..=n).contains(&k) => Ok((k, n)),
+        _ => Err("give K/N, part K of N, with 1 <= K <= N".into()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn shares_are_read() {
+        assert_eq!(share("3/16"), Ok((3, 16)));
+        for bad in ["0/3", "4/3", "3", "a/b", "1/", "-1/2", "1/2/3"] {
+            assert!(share(bad).is_err(), "{bad}");
+        }
+    }
 }

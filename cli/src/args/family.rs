@@ -1,6 +1,6 @@
 //! Flags of families.
 
-use super::RunArgs;
+use super::build::RunArgs;
 use clap::Args;
 use std::path::PathBuf;
 

@@ -1,5 +1,6 @@
 //! Flags of cloths: rendering, weaving.
 
+use super::build::Preset;
 use clap::{Args, ValueEnum};
 use std::path::PathBuf;
 
@@ -174,6 +175,10 @@ pub struct WeaveArgs {
     /// [default: none].
     #[arg(long, short, value_name = "FILE")]
     pub output: Option<PathBuf>,
+    /// Least quality of the ply models: others are built, and kept in the cache [default: any; preview for
+    /// those that are built].
+    #[arg(long, value_enum)]
+    pub preset: Option<Preset>,
     /// End with exit code 1, and write no file, if the cloth did not come to rest.
     #[arg(long)]
     pub strict: bool,

@@ -1,6 +1,6 @@
 //! Flags of tracing the explicit fibers of a cloth.
 
-use super::{ResumeArgs, ShardArgs};
+use super::build::{ResumeArgs, ShardArgs};
 use clap::Args;
 use std::path::PathBuf;
 

@@ -1,6 +1,6 @@
 //! Flags of wave optics.
 
-use super::{Preset, ResumeArgs, ShardArgs};
+use super::build::{Preset, ResumeArgs, ShardArgs};
 use clap::{Args, Subcommand, ValueEnum};
 use std::path::PathBuf;
 

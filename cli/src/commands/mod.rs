@@ -1,58 +1,25 @@
-//! The commands, one a file, and what they share: loading, incidences, threads.
+//! The commands, one per file, and their common parts: loading, incidences, threads.
 
-pub mod build;
 pub mod check;
-pub mod check_cloth;
-pub mod check_filament;
-pub mod check_traced;
-mod cloth_file;
-pub mod color;
-pub mod compare;
-pub mod diff;
-pub mod diff_models;
-pub mod diff_tables;
-pub mod diffraction_view;
-pub mod eval;
-pub mod export;
-pub mod family;
-pub mod farm;
-pub mod fiber_view;
-mod fibers;
-pub mod fit;
-pub mod hairs;
-pub mod info;
-pub mod info_fiber;
-pub mod merge;
-pub mod new;
-pub mod noise;
-pub mod noise_view;
-pub mod plot;
-pub mod render;
-mod render_strands;
+pub mod look;
+pub mod make;
+pub mod picture;
 pub mod runs;
-pub mod sample;
 pub mod shell;
-pub mod simulate;
-pub mod speckle_view;
-pub mod twin;
-pub mod view;
-mod view_server;
-pub mod wave_scatter;
-pub mod wave_speckle;
-pub mod wave_tabulate;
-pub mod weave;
+pub mod wave;
 
 use crate::args::{Cli, IncidenceArgs};
 use crate::failure::{Failure, Outcome};
 use crate::report::number;
+use plywave::Document;
 use plywave::cloth::ClothData;
-use plywave::fiber::FiberTable;
 use plywave::io::FileKind;
 use plywave::spec::YarnSpec;
-use plywave::speckle::SpecklePatterns;
-use plywave::table::Table;
-use plywave::twin::ClothTwin;
 use plywave::{PlyFamily, PlyModel};
+use plywave_fiber::FiberTable;
+use plywave_tables::speckle::SpecklePatterns;
+use plywave_tables::table::Table;
+use plywave_tables::twin::ClothTwin;
 use std::path::Path;
 
 /// A table, a model, a fiber, speckle patterns or the twin of a cloth.
@@ -73,7 +40,7 @@ pub enum Loaded {
     Cloth(Box<ClothData>),
 }
 
-/// Loads a file by what its header says it is, or a model by its name.
+/// Loads a file of the kind that its header names, or a model by its name.
 pub fn load_any(cli: &Cli, path: &Path) -> Outcome<Loaded> {
     if crate::kinds::is_named(path) {
         return Ok(Loaded::Model(Box::new(cli.library()?.load(path)?)));
@@ -89,7 +56,7 @@ pub fn load_any(cli: &Cli, path: &Path) -> Outcome<Loaded> {
     })
 }
 
-/// What the commands need of an embedded spec.
+/// Data of an embedded spec that the commands use.
 pub struct Yarn {
     /// The parsed spec.
     pub spec: YarnSpec,
@@ -98,7 +65,8 @@ pub struct Yarn {
 }
 
 impl Yarn {
-    /// From the spec text and the offsets of a table or model: the last offset is R + d_cut.
+    /// Parses the spec text of a table or model; the radius follows from the offsets, whose last one is R +
+    /// d_cut.
     pub fn from_spec(file: &Path, spec_text: &str, h_um: &[f64]) -> Outcome<Self> {
         let spec = YarnSpec::parse(spec_text, &format!("{} (its spec)", file.display()))?;
         let reach = h_um.last().copied().unwrap_or(0.0);
@@ -112,7 +80,7 @@ impl Yarn {
     }
 }
 
-/// Checks an incidence of the command line against a model; gives theta_i [rad] and h [um].
+/// Checks an incidence from the command line against a model; returns theta_i [rad] and h [um].
 pub fn incidence(args: &IncidenceArgs, data: &plywave::ply::PlyData, radius_um: f64) -> Outcome<(f32, f32)> {
     let reach = data.h_um.last().copied().unwrap_or(0.0) / radius_um;
     latitude("--theta-i", args.theta_i)?;
@@ -121,7 +89,7 @@ pub fn incidence(args: &IncidenceArgs, data: &plywave::ply::PlyData, radius_um: 
         return Err(Failure::input("command line", "--h-rel", args.h_rel, &hint));
     }
     absorptions(&args.sigma)?;
-    // The product may leave the last node by a rounding.
+    // Rounding of the product may exceed the last node.
     let last = data.h_um.last().copied().unwrap_or(0.0);
     Ok((args.theta_i.to_radians() as f32, (args.h_rel * radius_um).clamp(-last, last) as f32))
 }
@@ -134,22 +102,11 @@ pub fn latitude(flag: &str, degrees: f64) -> Outcome {
     Err(Failure::input("command line", flag, degrees, "must be from -90 to 90 degrees"))
 }
 
-/// Refuses absorptions that are negative or not numbers.
+/// Refuses absorptions that are negative or NaN.
 pub fn absorptions(sigma: &[f64]) -> Outcome {
     match sigma.iter().find(|s| !(**s >= 0.0 && s.is_finite())) {
         None => Ok(()),
         Some(s) => Err(Failure::input("command line", "--sigma", s, "must be 0 or more, in 1/um")),
-    }
-}
-
-/// Runs `work` on the number of threads that --threads gives.
-pub fn on_threads<T: Send>(cli: &Cli, work: impl FnOnce() -> T + Send) -> Outcome<T> {
-    match cli.threads {
-        None => Ok(work()),
-        Some(n) => match rayon::ThreadPoolBuilder::new().num_threads(n as usize).build() {
-            Ok(pool) => Ok(pool.install(work)),
-            Err(error) => Err(Failure::input("command line", "--threads", n, &format!("{error}; give fewer"))),
-        },
     }
 }
 

@@ -1,24 +1,24 @@
-//! What the commands that run shards share: the parts folder, `--resume`, `--fresh`, `--shards`, `--plan`,
-//! progress and failures.
+//! Common parts of the commands that run shards: the parts folder, `--resume`, `--fresh`, `--shards`,
+//! `--plan`, progress and failures.
 
-use super::on_threads;
 use crate::args::{Cli, ResumeArgs, ShardArgs};
 use crate::failure::{Failure, Outcome};
 use crate::progress::{self, Bar};
+use crate::threads::on_threads;
 use crate::{output, report};
-use plywave_sim::runs::{self, Found, Job, PartsFolder, Plan, Run};
-use plywave_sim::{SimError, wave::WaveError};
+use plywave_runs::RunError;
+use plywave_runs::{self as runs, Found, Job, PartsFolder, Plan, Run};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-/// The folder of shards beside an output.
+/// Path of the folder of shards beside an output.
 pub fn parts_of(output: &Path) -> PathBuf {
     let mut name = output.file_name().unwrap_or_default().to_os_string();
     name.push(".parts");
     output.with_file_name(name)
 }
 
-/// What to do with shards of an earlier run.
+/// Treatment of shards of an earlier run.
 pub fn found(args: &ResumeArgs) -> Found {
     match (args.resume, args.fresh) {
         (_, true) => Found::Replace,
@@ -32,26 +32,18 @@ pub fn open_parts(output: &Path, args: &ResumeArgs) -> Outcome<PartsFolder> {
     PartsFolder::open(parts_of(output), found(args)).map_err(|e| failure(e, output))
 }
 
-/// A failure of a run as the command says it; `file` is the spec or scene.
-pub fn failure(error: SimError, file: &Path) -> Failure {
-    match error {
-        SimError::Interrupted { left, total } => interrupted(left, total),
-        SimError::Runtime(error) => error.into(),
-        SimError::TooManyParts { .. } => Failure::Input(format!("command line: {error}")),
-        SimError::PartsInUse { .. }
-        | SimError::PartsFound { .. }
-        | SimError::PartsOfAnotherRun { .. }
-        | SimError::Merge { .. } => Failure::Input(error.to_string()),
+/// Converts a run's error to the command's failure; `file` is the spec or scene.
+pub fn failure(error: impl Into<RunError>, file: &Path) -> Failure {
+    match error.into() {
+        RunError::Interrupted { left, total } => interrupted(left, total),
+        RunError::Runtime(error) => error.into(),
+        error @ RunError::TooManyParts { .. } => Failure::Input(format!("command line: {error}")),
+        error if error.is_of_parts() => Failure::Input(error.to_string()),
         other => Failure::Input(format!("{}: {other}", file.display())),
     }
 }
 
-/// A failure of the wave code.
-pub fn wave_failure(error: WaveError, file: &Path) -> Failure {
-    failure(error.into(), file)
-}
-
-/// A failure of the pipeline.
+/// Converts the pipeline's error to the command's failure.
 pub fn pipeline_failure(error: plywave_pipeline::Error) -> Failure {
     match error {
         plywave_pipeline::Error::Interrupted { left, total } => interrupted(left, total),
@@ -60,13 +52,13 @@ pub fn pipeline_failure(error: plywave_pipeline::Error) -> Failure {
     }
 }
 
-/// What a run that was stopped says.
+/// Failure of a run that was stopped, with the number of remaining shards.
 fn interrupted(left: usize, total: usize) -> Failure {
-    let told = if total > 0 { format!(" with {left} of {total} shards left") } else { String::new() };
-    progress::stopped(&told)
+    let remaining = if total > 0 { format!(" with {left} of {total} shards left") } else { String::new() };
+    progress::stopped(&remaining)
 }
 
-/// Says what parts were dropped.
+/// Prints notes on dropped parts.
 pub fn tell_notes(cli: &Cli, parts: &PartsFolder) {
     for note in parts.take_notes() {
         if !cli.quiet {
@@ -75,35 +67,35 @@ pub fn tell_notes(cli: &Cli, parts: &PartsFolder) {
     }
 }
 
-/// Names for the bar of a job.
+/// Names of a job for its progress bar.
 #[derive(Clone, Copy)]
 pub struct ProgressNames {
-    /// The work.
+    /// Name of the work.
     pub what: &'static str,
-    /// What is counted.
+    /// Name of the counted units.
     pub unit: &'static str,
 }
 
-/// Runs a job with progress; gives the output and the time it took. `file` is the spec or scene.
+/// Runs a job with progress; returns the output and the elapsed time. `file` is the spec or scene.
 pub fn run_job<J: Job>(
     cli: &Cli,
     job: &J,
-    told: ProgressNames,
+    names: ProgressNames,
     parts: Option<&PartsFolder>,
     file: &Path,
 ) -> Outcome<(J::Output, Duration)>
 where
     J::Output: Send,
 {
-    with_bar(cli, job, told, parts, file, |run| runs::run(job, run))
+    with_bar(cli, job, names, parts, file, |run| runs::run(job, run))
 }
 
-/// Runs the shards that `--shards` asks for and writes their part, or prints the plan that `--plan` asks for.
-/// True when there is nothing more to do.
+/// Runs the shards that `--shards` selects and writes their part, or prints the plan for `--plan`. Returns
+/// whether the command is finished.
 pub fn run_share<J: Job>(
     cli: &Cli,
     job: &J,
-    told: ProgressNames,
+    names: ProgressNames,
     args: &ShardArgs,
     (path, resume): (&Path, &ResumeArgs),
     file: &Path,
@@ -116,7 +108,7 @@ pub fn run_share<J: Job>(
     let Some((index, count)) = args.shards else { return Ok(false) };
     let parts = open_parts(path, resume)?;
     let work = |run: Run<'_>| runs::run_part(job, (index, count), path, run);
-    let (shards, time) = with_bar(cli, job, told, Some(&parts), file, work)?;
+    let (shards, time) = with_bar(cli, job, names, Some(&parts), file, work)?;
     parts.remove();
     let bytes = std::fs::metadata(path).map_or(0, |m| m.len());
     let (first, last) = (shards.start, shards.end.saturating_sub(1));
@@ -153,17 +145,17 @@ fn tell_plan(cli: &Cli, plan: &Plan) -> Outcome {
 fn with_bar<J: Job, T: Send>(
     cli: &Cli,
     job: &J,
-    told: ProgressNames,
+    names: ProgressNames,
     parts: Option<&PartsFolder>,
     file: &Path,
-    work: impl FnOnce(Run<'_>) -> Result<T, SimError> + Send,
+    work: impl FnOnce(Run<'_>) -> Result<T, RunError> + Send,
 ) -> Outcome<(T, Duration)> {
     progress::install_stop();
-    let bar = Bar::new(told.what, told.unit, cli.quiet);
-    bar.begin(told.what, Plan::from_job(job).units);
+    let bar = Bar::new(names.what, names.unit, cli.quiet);
+    bar.begin(names.what, Plan::from_job(job).units);
     let advance = |units: u64| bar.advance(units);
     let run = Run { parts, stop: Some(&progress::STOP), progress: Some(&advance) };
-    // Without a folder there is nothing to save on the way, so that Ctrl-C may end the program at once.
+    // Without a folder there is no state to save, so Ctrl-C may end the program at once.
     let done = match parts {
         Some(_) => progress::stoppable(|| on_threads(cli, || work(run))),
         None => on_threads(cli, || work(run)),
@@ -173,26 +165,4 @@ fn with_bar<J: Job, T: Send>(
         tell_notes(cli, parts);
     }
     Ok((done?.map_err(|e| failure(e, file))?, time))
-}
-
-/// Reads `K/N` of `--shards`.
-pub fn share(text: &str) -> Result<(usize, usize), String> {
-    let read = |part: &str| part.parse::<usize>().ok();
-    match text.split_once('/').map(|(k, n)| (read(k), read(n))) {
-        Some((Some(k), Some(n))) if (1..=n).contains(&k) => Ok((k, n)),
-        _ => Err("give K/N, part K of N, with 1 <= K <= N".into()),
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn shares_are_read() {
-        assert_eq!(share("3/16"), Ok((3, 16)));
-        for bad in ["0/3", "4/3", "3", "a/b", "1/", "-1/2", "1/2/3"] {
-            assert!(share(bad).is_err(), "{bad}");
-        }
-    }
 }

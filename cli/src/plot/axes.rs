@@ -24,17 +24,17 @@ impl LogScale {
         LogScale { top: floor + f64::log10(step), decades }
     }
 
-    /// Position of `value` in [0, 1]; 0 for what is below the bottom, zero and negative values included.
+    /// Position of `value` in [0, 1]; 0 for values below the bottom, including zero and negative ones.
     pub fn position(&self, value: f64) -> f64 {
         if value > 0.0 { ((value.log10() - self.top) / self.decades + 1.0).clamp(0.0, 1.0) } else { 0.0 }
     }
 
-    /// Position of a signed `value` in [-1, 1]: its sign, and its size on the same scale.
+    /// Position of a signed `value` in [-1, 1]: its sign, and its magnitude on the same scale.
     pub fn signed(&self, value: f64) -> f64 {
         self.position(value.abs()).copysign(value)
     }
 
-    /// Its powers of ten as marks.
+    /// Marks at the powers of ten of the scale.
     pub fn labels(&self) -> Ticks {
         let (from, to) = ((self.top - self.decades).ceil() as i32, (self.top + 1e-9).floor() as i32);
         (from..=to).map(|e| (((e as f64 - self.top) / self.decades + 1.0).clamp(0.0, 1.0), power(e))).collect()
@@ -55,7 +55,8 @@ fn power(e: i32) -> String {
 pub const BAR: i32 = 100;
 const BAR_INK: i32 = 16;
 
-/// Vertical color bar, its upper left corner at `(x, y)`: `color` of [0, 1], marks, and what they count.
+/// Draws a vertical color bar with its upper left corner at `(x, y)`: `color` maps [0, 1], followed by marks
+/// and title.
 fn bar(figure: &mut Figure, [x, y, h]: [i32; 3], color: impl Fn(f64) -> Rgb, ticks: &Ticks, title: &str) {
     let at = Panel { x, y, w: BAR_INK, h };
     figure.pixels(at, |_, j| color(1.0 - (f64::from(j) + 0.5) / f64::from(h)));
@@ -91,14 +92,14 @@ pub fn linear_bar(figure: &mut Figure, at: [i32; 3], max: f64, title: &str) {
     bar(figure, at, color::sequential, &linear(0.0, max, f64::from((at[2] / 60).clamp(2, 5))), title);
 }
 
-/// The marks of which none is nearer to the one before than their sizes allow.
+/// Removes marks that overlap the previous one, given their sizes.
 fn spaced(ticks: &Ticks, length: f64, size: impl Fn(&str) -> f64) -> Ticks {
     let mut shown: Ticks = Vec::new();
     let mut ticks: Vec<&(f64, String)> = ticks.iter().collect();
     ticks.sort_by(|a, b| a.0.total_cmp(&b.0));
     for (p, label) in ticks {
-        let room = |(q, last): &(f64, String)| (p - q) * length - 0.5 * (size(last) + size(label));
-        if shown.last().is_none_or(|last| room(last) >= -1e-6) {
+        let available = |(q, last): &(f64, String)| (p - q) * length - 0.5 * (size(last) + size(label));
+        if shown.last().is_none_or(|last| available(last) >= -1e-6) {
             shown.push((*p, label.clone()));
         }
     }
@@ -128,9 +129,9 @@ pub fn every(from: f64, to: f64, step: f64) -> Ticks {
 /// Marks along an edge of a panel: position in [0, 1] and label.
 pub type Ticks = Vec<(f64, String)>;
 
-/// Room below a panel for marks, and for the axis' name below them.
+/// Space below a panel for marks, and for the axis name below them.
 pub const BELOW: i32 = 2 * LINE + 8;
-/// Room at the left of a panel for marks, and for the axis' name beside them.
+/// Space to the left of a panel for marks, and for the axis name beside them.
 pub const LEFT: i32 = 76;
 
 /// Marks below a panel and the axis' name below them.

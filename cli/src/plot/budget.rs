@@ -10,15 +10,15 @@ use super::{page, text};
 pub struct Budget {
     /// Incident latitude [rad].
     pub theta_i: f64,
-    /// Offset over the ply radius.
+    /// Offset relative to the ply radius.
     pub h_rel: Vec<f64>,
-    /// Light that was only reflected.
+    /// Light of single reflection.
     pub refl: Vec<f64>,
     /// All other scattered light that remains at the chosen absorption.
     pub high: Vec<f64>,
-    /// What the fibers absorbed of it.
+    /// Light that the fibers absorb.
     pub absorbed: Vec<f64>,
-    /// What hit no fiber.
+    /// Light that misses all fibers.
     pub r_d: Vec<f64>,
 }
 

@@ -13,7 +13,7 @@ const WIDE: i32 = 900;
 /// Height of the view of the face [pixels].
 const FACE: i32 = 600;
 const GAP: i32 = 34;
-/// Towards the light of that view, unit.
+/// Unit direction towards the light of that view.
 const LIGHT: [f64; 3] = [-0.38, 0.50, 0.778];
 /// Cuts in each direction.
 const CUTS: usize = 3;
@@ -38,7 +38,7 @@ pub fn sections(name: &str, particulars: &str, cloth: &ClothCurves) -> plywave::
         figure.pixels(panel, |i, j| {
             let top = solid.top_at([(f64::from(i) + 0.5) * um, (f64::from(FACE - j) - 0.5) * um]);
             top.map_or(WHITE, |(curve, height, normal)| {
-                // Light from the upper left; what lies deep is darker.
+                // The light comes from the upper left; deeper points are darker.
                 let diffuse = dot(normal, LIGHT).max(0.0);
                 let depth = 0.6 + 0.4 * (height / half_um).clamp(-1.0, 1.0);
                 shade(cloth, curve, (0.15 + 0.85 * diffuse) * depth)
@@ -67,7 +67,7 @@ pub fn sections(name: &str, particulars: &str, cloth: &ClothCurves) -> plywave::
     }))
 }
 
-/// Color of a ply: its kind, darker at its wall.
+/// Color of a ply: that of its kind, darker at its surface.
 fn color(cloth: &ClothCurves, (curve, off): (usize, f64)) -> Rgb {
     shade(cloth, curve, if off > 0.9 { 0.45 } else { 1.0 })
 }
@@ -78,7 +78,7 @@ fn shade(cloth: &ClothCurves, curve: usize, light: f64) -> Rgb {
     COLORS[kind % COLORS.len()].map(|c| (f64::from(c) * light).clamp(0.0, 255.0) as u8)
 }
 
-/// How much of the cloth is shown: some yarns, or a repeat of a small one twice.
+/// Extent of the cloth that is shown: some yarns, or a small repeat twice.
 fn span_um(cloth: &ClothCurves, lattice: &Lattice) -> f64 {
     let thickest = cloth.curves.iter().map(|c| c.radius_um).fold(0.0, f64::max);
     let per_yarn = (cloth.curves.len() as f64 / cloth.yarns.len() as f64).sqrt();

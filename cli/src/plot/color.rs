@@ -4,7 +4,7 @@
 /// A color of the figure, sRGB.
 pub type Rgb = [u8; 3];
 
-/// Color of `t` in [0, 1]; what is no number counts as 0.
+/// Color of `t` in [0, 1]; NaN counts as 0.
 pub fn sequential(t: f64) -> Rgb {
     rgb(colorous::INFERNO.eval_continuous(if t.is_nan() { 0.0 } else { t }))
 }
@@ -45,7 +45,7 @@ mod tests {
         let l: Vec<f64> = (0..=32).map(|i| lightness(sequential(f64::from(i) / 32.0))).collect();
         assert!(l[0] < 0.02 && l[32] > 0.95, "{l:?}");
         let mean = (l[32] - l[0]) / 32.0;
-        // Its makers measured evenness in CAM02-UCS, which near black is not that of CIE lightness.
+        // Its authors measured uniformity in CAM02-UCS, which differs from CIE lightness near black.
         assert!(l.windows(2).all(|w| (0.2..1.5).contains(&((w[1] - w[0]) / mean))), "{l:?}");
         assert_eq!(sequential(f64::NAN), sequential(0.0));
     }

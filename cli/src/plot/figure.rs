@@ -26,7 +26,7 @@ pub const LINE: i32 = 20;
 /// Size of headings over that of other text.
 const HEADING: f64 = 1.3;
 
-/// Where a text's anchor lies along its line.
+/// Position of a text's anchor along its line.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Align {
     /// At its start.
@@ -58,12 +58,12 @@ impl Panel {
     }
 }
 
-/// How a path is painted.
+/// Paint of a path.
 #[derive(Clone, Copy, Debug)]
 enum Style {
-    /// Its inside.
+    /// Fills the interior.
     Fill { opacity: f64 },
-    /// Its outline; dashed where `dash` is above 0.
+    /// Strokes the outline; dashed if `dash` is positive.
     Stroke { width: f64, dash: f64 },
 }
 
@@ -75,11 +75,11 @@ struct Shape {
     color: Rgb,
     /// The words of a text.
     label: Option<String>,
-    /// What lies outside is cut off.
+    /// Clipping rectangle.
     clip: Option<Panel>,
 }
 
-/// A figure in the making. A unit is a pixel of the PNG.
+/// A figure under construction. A unit is a pixel of the PNG.
 pub struct Figure {
     width: i32,
     height: i32,
@@ -95,7 +95,7 @@ impl Figure {
         Figure { width, height, title: String::new(), images: Vec::new(), shapes: Vec::new() }
     }
 
-    /// Figures one below the other.
+    /// Stacks figures vertically.
     pub fn below(figures: Vec<Figure>) -> Figure {
         let width = figures.iter().map(|f| f.width).max().unwrap_or(1);
         let mut all = Figure::new(width, figures.iter().map(|f| f.height).sum());
@@ -119,7 +119,7 @@ impl Figure {
         (self.width, self.height)
     }
 
-    /// Sets what the figure shows, for readers that do not look at it.
+    /// Sets the description for readers that cannot see the figure.
     pub fn set_title(&mut self, markup: &str) {
         self.title = Text::parse(markup).plain();
     }
@@ -138,17 +138,17 @@ impl Figure {
         self.draw(at.outline(0.5), Style::Stroke { width: 1.0, dash: 0.0 }, color);
     }
 
-    /// A straight line; dashed where `dash` is above 0.
+    /// Draws a straight line; dashed if `dash` is positive.
     pub fn line(&mut self, a: [f64; 2], b: [f64; 2], color: Rgb, dash: f64) {
         self.draw(Path::lines([a, b]), Style::Stroke { width: 1.0, dash }, color);
     }
 
-    /// A curve through points; points that are no numbers are left out.
+    /// Draws a curve through points; NaN points are skipped.
     pub fn curve(&mut self, points: impl IntoIterator<Item = [f64; 2]>, width: f64, color: Rgb) {
         self.draw(Path::lines(points), Style::Stroke { width, dash: 0.0 }, color);
     }
 
-    /// The area within points.
+    /// Fills the polygon of points.
     pub fn area(&mut self, points: impl IntoIterator<Item = [f64; 2]>, color: Rgb, opacity: f64) {
         self.draw(Path::lines(points).closed(), Style::Fill { opacity }, color);
     }
@@ -170,7 +170,7 @@ impl Figure {
         self.images.push(([at.x, at.y], image));
     }
 
-    /// Draws shapes, and cuts off what leaves `at`. Coordinates stay the page's; images cannot be clipped.
+    /// Draws shapes clipped to `at`. Coordinates stay the page's; images cannot be clipped.
     pub fn clipped(&mut self, at: Panel, draw: impl FnOnce(&mut Figure)) {
         let mut inner = Figure::new(self.width, self.height);
         draw(&mut inner);
@@ -182,22 +182,22 @@ impl Figure {
         self.text_within(x, y, i32::MAX, markup, align, color);
     }
 
-    /// As [`Self::text`], shortened to `room` units.
-    pub fn text_within(&mut self, x: i32, y: i32, room: i32, markup: &str, align: Align, color: Rgb) {
-        let text = Text::parse(markup).shortened(f64::from(room));
+    /// Writes text like [`Self::text`], shortened to `available` units.
+    pub fn text_within(&mut self, x: i32, y: i32, available: i32, markup: &str, align: Align, color: Rgb) {
+        let text = Text::parse(markup).shortened(f64::from(available));
         self.write(&text, [x, y + CAP], Transform::NONE, align, color);
     }
 
-    /// A heading, shortened to `room` units.
-    pub fn heading(&mut self, x: i32, y: i32, room: i32, markup: &str) {
-        let text = Text::parse(markup).shortened(f64::from(room) / HEADING);
+    /// Writes a heading, shortened to `available` units.
+    pub fn heading(&mut self, x: i32, y: i32, available: i32, markup: &str) {
+        let text = Text::parse(markup).shortened(f64::from(available) / HEADING);
         self.write(&text, [x, y + CAP], Transform { scale: HEADING, ..Transform::NONE }, Align::Left, INK);
     }
 
-    /// Text that runs upwards and is centered at `y`, its capitals reaching from `x` to the right, shortened
-    /// to `room` units.
-    pub fn text_up(&mut self, x: i32, y: i32, room: i32, markup: &str) {
-        let text = Text::parse(markup).shortened(f64::from(room));
+    /// Writes text that runs upwards, centered at `y`, with capitals extending from `x` to the right,
+    /// shortened to `available` units.
+    pub fn text_up(&mut self, x: i32, y: i32, available: i32, markup: &str) {
+        let text = Text::parse(markup).shortened(f64::from(available));
         self.write(&text, [x + CAP, y], Transform { upwards: true, ..Transform::NONE }, Align::Center, INK);
     }
 

@@ -33,7 +33,7 @@ pub fn draw(figure: &mut Figure, at: Panel, numbers: &Numbers, max: f64, title: 
     // Numbers are written where they fit; in finer grids in every second cell.
     let cell = (w / columns as i32).max(1);
     let stride = ((text::width("0.00") + 2) / cell + 1) as usize;
-    let room = h / rows as i32 >= CAP + 4;
+    let fits = h / rows as i32 >= CAP + 4;
     for r in 0..rows {
         let (top, bottom) = (y + h - edge(r + 1, rows, h), y + h - edge(r, rows, h));
         for c in 0..columns {
@@ -41,13 +41,13 @@ pub fn draw(figure: &mut Figure, at: Panel, numbers: &Numbers, max: f64, title: 
             let value = numbers.values[r * columns + c];
             let color = if value.is_finite() { color::sequential(value / max) } else { NONE };
             figure.fill(Panel { x: left, y: top, w: right - left, h: bottom - top }, color);
-            if room && c % stride == stride / 2 {
+            if fits && c % stride == stride / 2 {
                 let text = if value.is_finite() { short(value) } else { "-".into() };
                 let ink = color::ink_on(color);
                 figure.text((left + right) / 2, (top + bottom - CAP) / 2, &text, Align::Center, ink);
             }
         }
-        if room || r % 2 == 0 {
+        if fits || r % 2 == 0 {
             let label = format!("{}°", crate::report::number(numbers.theta_i[r].to_degrees().round()));
             figure.text(x - 8, (top + bottom - CAP) / 2, &label, Align::Right, GRAY);
         }

@@ -24,7 +24,7 @@ pub struct Curve {
 pub enum Scale {
     /// Decades.
     Log(LogScale),
-    /// From the first to the second.
+    /// Linear, from the first value to the second.
     Linear(f64, f64),
 }
 
@@ -48,9 +48,9 @@ impl Scale {
 /// Curves in one frame.
 #[derive(Clone, Debug)]
 pub struct LinePanel {
-    /// Above it.
+    /// Title above the panel.
     pub title: String,
-    /// Below it: what x is.
+    /// Name of the x axis, below the panel.
     pub x_title: String,
     /// Ends of the x axis.
     pub x: [f64; 2],
@@ -96,7 +96,7 @@ const PALE: Rgb = [234, 234, 238];
 
 /// A row of panels.
 pub struct Row {
-    /// At the left, upwards.
+    /// Label at the left, running upwards.
     pub title: String,
     /// Panels, each with its width [pixels].
     pub panels: Vec<(i32, LinePanel)>,

@@ -4,7 +4,7 @@ use super::axes::{self, LogScale, Ticks};
 use super::color;
 use super::figure::{Figure, INK, Panel, WHITE};
 use plywave::ply::asg::Lobe;
-use plywave::table::OutgoingGrid;
+use plywave_tables::table::OutgoingGrid;
 
 /// Values over the bins of the outgoing sphere, `values[theta_o][phi_o]`, last fastest.
 #[derive(Clone, Debug)]

@@ -19,7 +19,7 @@ use crate::failure::{Failure, Outcome};
 use figure::Figure;
 use std::path::Path;
 
-/// What a figure is written as.
+/// File format of a figure.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Format {
     /// Pixels.
@@ -29,7 +29,7 @@ pub enum Format {
 }
 
 impl Format {
-    /// By the ending of an output file.
+    /// The format for the ending of an output file.
     pub fn from_path(path: &Path) -> Outcome<Format> {
         match path.extension().map(|e| e.to_string_lossy().to_lowercase()).as_deref() {
             Some("png") => Ok(Format::Png),
@@ -46,7 +46,7 @@ impl Format {
         }
     }
 
-    /// Its name, which is the ending.
+    /// Name of the format, which is its ending.
     pub fn name(self) -> &'static str {
         match self {
             Format::Png => "png",

@@ -43,8 +43,8 @@ impl Daylight {
         }
         // Luminance of linear sRGB (ITU-R BT.709).
         let gray = 0.2126 * sum[0] + 0.7152 * sum[1] + 0.0722 * sum[2];
-        let least = sum.iter().fold(f64::INFINITY, |a, b| a.min(*b));
-        let keep = if least < 0.0 && gray > 0.0 { gray / (gray - least) } else { 1.0 };
+        let min = sum.iter().fold(f64::INFINITY, |a, b| a.min(*b));
+        let keep = if min < 0.0 && gray > 0.0 { gray / (gray - min) } else { 1.0 };
         sum.map(|v| (gray + keep * (v - gray)).max(0.0) as f32)
     }
 }

@@ -24,7 +24,7 @@ pub struct Cell {
 }
 
 /// A grid of maps on one scale.
-pub struct Block {
+pub struct SheetBlock {
     /// Heading.
     pub title: String,
     /// Name of the density on the color bar.
@@ -41,7 +41,7 @@ pub struct Block {
     pub decades: f64,
 }
 
-impl Block {
+impl SheetBlock {
     fn has_residual(&self) -> bool {
         self.cells.iter().flatten().any(|c| c.residual)
     }
@@ -102,7 +102,7 @@ impl Block {
 /// A section of a page.
 pub enum Section {
     /// Blocks of maps side by side.
-    Maps(Vec<Block>),
+    Maps(Vec<SheetBlock>),
     /// The energy budget, one panel a theta_i.
     Budgets {
         /// Panels.
@@ -129,7 +129,7 @@ impl Section {
         match self {
             Section::Maps(blocks) => (
                 blocks.iter().map(|b| b.width() + 2 * GAP).sum::<i32>() - 2 * GAP,
-                blocks.iter().map(Block::height).max().unwrap_or(0),
+                blocks.iter().map(SheetBlock::height).max().unwrap_or(0),
             ),
             Section::Budgets { panels, .. } => {
                 let n = panels.len() as i32;
@@ -178,7 +178,7 @@ impl Section {
 /// What the marks on the maps mean.
 const MARKS: &str = "light from φ_o = 90°; ring: exact forward, ticks: the cone θ_o = -θ_i; dots: axes of lobes, larger with energy, arcs: half a standard deviation";
 
-/// A page of sections; the meaning of the marks is told where there are maps.
+/// A page of sections; maps are accompanied by an explanation of their marks.
 pub fn page(title: &str, particulars: &str, sections: &[Section]) -> Figure {
     let maps = sections.iter().any(|s| matches!(s, Section::Maps(_)));
     let mut head = Head { title: title.into(), particulars: vec![particulars.into()], ..Head::default() };

@@ -85,13 +85,13 @@ impl Text {
     }
 
     /// As much of it as `room` units hold, with an ellipsis where that is not all.
-    pub fn shortened(mut self, room: f64) -> Text {
+    pub fn shortened(mut self, available: f64) -> Text {
         let dots = Letter { c: '…', level: 0 };
         let mut width = self.width();
-        if width <= room {
+        if width <= available {
             return self;
         }
-        while width + dots.width() > room {
+        while width + dots.width() > available {
             let Some(last) = self.0.pop() else { break };
             width -= last.width();
         }
@@ -124,21 +124,21 @@ pub fn width(markup: &str) -> i32 {
     Text::parse(markup).width().ceil() as i32
 }
 
-/// Lines of at most `room` units, broken at spaces; a longer word has a line of its own.
-pub fn wrap(markup: &str, room: i32) -> Vec<String> {
+/// Lines of at most `available` units, broken at spaces; a longer word has a line of its own.
+pub fn wrap(markup: &str, available: i32) -> Vec<String> {
     let mut lines: Vec<String> = Vec::new();
     for word in markup.split(' ') {
         match lines.last_mut() {
-            Some(line) if width(&format!("{line} {word}")) <= room => *line = format!("{line} {word}"),
+            Some(line) if width(&format!("{line} {word}")) <= available => *line = format!("{line} {word}"),
             _ => lines.push(word.into()),
         }
     }
     lines
 }
 
-/// A text from outside, with its underscores and carets kept from being markup, at most `most` letters of it.
-pub fn literal(text: &str, most: usize) -> String {
-    text.chars().take(most).collect::<String>().replace('_', "__").replace('^', "^^")
+/// Text from a file with its underscores and carets escaped for the markup, at most `max` characters of it.
+pub fn literal(text: &str, max: usize) -> String {
+    text.chars().take(max).collect::<String>().replace('_', "__").replace('^', "^^")
 }
 
 #[cfg(test)]
@@ -182,9 +182,9 @@ mod tests {
     fn long_texts_are_shortened_or_wrapped() {
         let text = Text::parse("a rather long title with f_{high}");
         assert_eq!(text.clone().shortened(1e3), text);
-        for room in [40.0, 90.0, 150.0] {
-            let short = text.clone().shortened(room);
-            assert!(short.width() <= room && short.plain().ends_with('…'), "{short:?}");
+        for available in [40.0, 90.0, 150.0] {
+            let short = text.clone().shortened(available);
+            assert!(short.width() <= available && short.plain().ends_with('…'), "{short:?}");
         }
         let lines = wrap("one two three four five six seven", 100);
         assert!(lines.len() > 1 && lines.iter().all(|l| width(l) <= 100), "{lines:?}");

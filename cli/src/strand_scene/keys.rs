@@ -1,7 +1,7 @@
 //! Rules of scenes of strands.
 
-use plywave::fiber::FILAMENT_KINDS;
-use plywave::spec::rules::{self, Custom, Key, Kind, Rules, invalid, optional, required};
+use plywave::spec::rules::{self, Custom, Key, KeyKind, Rules, invalid, number, optional, required};
+use plywave_fiber::FILAMENT_KINDS;
 use toml::Value;
 
 /// Largest length [mm].
@@ -11,9 +11,9 @@ const MAX_LAMPS: usize = 64;
 /// Most nodes of a spectrum.
 const MAX_NODES: usize = 256;
 
-const LENGTH: Kind = Kind::Above(0.0, FAR);
-const COUNT: Kind = Kind::Integer(1, 10_000_000);
-const PLACE: Kind = Kind::Custom(Custom { expected: "three numbers, x, y, z", check: place });
+const LENGTH: KeyKind = KeyKind::Above(0.0, FAR);
+const COUNT: KeyKind = KeyKind::Integer(1, 10_000_000);
+const PLACE: KeyKind = KeyKind::Custom(Custom { expected: "three numbers, x, y, z", check: place });
 
 const MADE: &[(&str, &[Key])] = &[
     ("single", &[required("length_mm", LENGTH)]),
@@ -21,7 +21,7 @@ const MADE: &[(&str, &[Key])] = &[
         "layer",
         &[
             required("count", COUNT),
-            optional("layers", Kind::Integer(1, 10_000), "1"),
+            optional("layers", KeyKind::Integer(1, 10_000), "1"),
             required("spacing_mm", LENGTH),
             required("length_mm", LENGTH),
         ],
@@ -32,7 +32,7 @@ const MADE: &[(&str, &[Key])] = &[
             required("count", COUNT),
             required("ball_mm", LENGTH),
             required("length_mm", LENGTH),
-            optional("curl_mm", Kind::Number(0.0, FAR), "0"),
+            optional("curl_mm", KeyKind::Number(0.0, FAR), "0"),
         ],
     ),
     ("wisp", &[required("count", COUNT), required("width_mm", LENGTH), required("length_mm", LENGTH)]),
@@ -41,14 +41,15 @@ const MADE: &[(&str, &[Key])] = &[
         "loop",
         &[
             required("count", COUNT),
-            optional("loops", Kind::Integer(1, 1000), "3"),
+            optional("loops", KeyKind::Integer(1, 1000), "3"),
             required("width_mm", LENGTH),
             required("yarn_mm", LENGTH),
         ],
     ),
 ];
 
-const TABLE: &[Key] = &[required("file", Kind::Text), optional("beta_m", Kind::Number(0.001, 2.0), "the table's")];
+const TABLE: &[Key] =
+    &[required("file", KeyKind::Text), optional("beta_m", KeyKind::Number(0.001, 2.0), "the table's")];
 
 /// Tables, and the kinds of analytic fibers.
 const MODELS: &[(&str, &[Key])] = &{
@@ -64,62 +65,65 @@ const MODELS: &[(&str, &[Key])] = &{
 /// Keys of a scene of strands.
 pub const RULES: Rules = Rules {
     keys: &[
-        required("name", Kind::Text),
+        required("name", KeyKind::Text),
         required(
             "strands",
-            Kind::Table(&[
-                optional("file", Kind::Text, "none"),
-                optional("make", Kind::Tagged("{ kind = \"single\", length_mm = 10 }", MADE), "none"),
-                optional("radius_um", Kind::Number(0.01, 1e6), "the file's"),
-                optional("segments", Kind::Integer(1, 60_000), "32"),
-                optional("seed", Kind::Integer(0, i64::MAX), "1"),
-                optional("basis", Kind::Choice(&["bspline", "linear"]), "bspline"),
+            KeyKind::Table(&[
+                optional("file", KeyKind::Text, "none"),
+                optional("make", KeyKind::Tagged("{ kind = \"single\", length_mm = 10 }", MADE), "none"),
+                optional("radius_um", KeyKind::Number(0.01, 1e6), "the file's"),
+                optional("segments", KeyKind::Integer(1, 60_000), "32"),
+                optional("seed", KeyKind::Integer(0, i64::MAX), "1"),
+                optional("basis", KeyKind::Choice(&["bspline", "linear"]), "bspline"),
                 optional(
                     "whole",
-                    Kind::Custom(Custom { expected: "true or false", check: truth }),
+                    KeyKind::Custom(Custom { expected: "true or false", check: truth }),
                     "true of .hair and .obj",
                 ),
-                optional("mm_per_unit", Kind::Number(1e-6, 1e6), "1"),
-                optional("shape", Kind::Choice(&["tube", "band"]), "tube"),
+                optional("mm_per_unit", KeyKind::Number(1e-6, 1e6), "1"),
+                optional("shape", KeyKind::Choice(&["tube", "band"]), "tube"),
             ]),
         ),
         required(
             "fiber",
-            Kind::Table(&[
-                required("model", Kind::Tagged("{ kind = \"dielectric\" }", MODELS)),
+            KeyKind::Table(&[
+                required("model", KeyKind::Tagged("{ kind = \"dielectric\" }", MODELS)),
                 optional(
                     "sigma_per_um",
-                    Kind::Custom(Custom {
+                    KeyKind::Custom(Custom {
                         expected: "a number from 0 to 1e6, or pairs [lambda_um, sigma_per_um] of ascending wavelengths",
                         check: sigma,
                     }),
                     "0",
                 ),
-                optional("near", Kind::Custom(Custom { expected: "true or false", check: truth }), "false"),
+                optional("near", KeyKind::Custom(Custom { expected: "true or false", check: truth }), "false"),
             ]),
         ),
         required(
             "camera",
-            Kind::Table(&[
+            KeyKind::Table(&[
                 required("from_mm", PLACE),
                 required("to_mm", PLACE),
                 optional("up", PLACE, "[0, 0, 1]"),
-                required("fov_deg", Kind::Number(1e-4, 170.0)),
+                required("fov_deg", KeyKind::Number(1e-4, 170.0)),
             ]),
         ),
-        optional("lamps", Kind::Custom(Custom { expected: "up to 64 tables, [[lamps]]", check: lamps }), "none"),
-        optional("sky", Kind::Number(0.0, 1e6), "0"),
+        optional("lamps", KeyKind::Custom(Custom { expected: "up to 64 tables, [[lamps]]", check: lamps }), "none"),
+        optional("sky", KeyKind::Number(0.0, 1e6), "0"),
         optional(
             "floor",
-            Kind::Table(&[required("height_mm", Kind::Number(-FAR, FAR)), required("albedo", Kind::Number(0.0, 1.0))]),
+            KeyKind::Table(&[
+                required("height_mm", KeyKind::Number(-FAR, FAR)),
+                required("albedo", KeyKind::Number(0.0, 1.0)),
+            ]),
             "none",
         ),
         optional(
             "ball",
-            Kind::Table(&[
+            KeyKind::Table(&[
                 optional("center_mm", PLACE, "[0, 0, 0]"),
                 required("radius_mm", LENGTH),
-                required("albedo", Kind::Number(0.0, 1.0)),
+                required("albedo", KeyKind::Number(0.0, 1.0)),
             ]),
             "none",
         ),
@@ -136,13 +140,8 @@ const LAMP: &[Key] = &[
     required("from_mm", PLACE),
     optional("to_mm", PLACE, "[0, 0, 0]"),
     required("size_mm", LENGTH),
-    required("radiance", Kind::Number(0.0, 1e9)),
+    required("radiance", KeyKind::Number(0.0, 1e9)),
 ];
-
-/// A finite number, whole or not.
-pub fn number(value: &Value) -> Option<f64> {
-    value.as_float().or_else(|| value.as_integer().map(|i| i as f64)).filter(|v| v.is_finite())
-}
 
 fn place(file: &str, key: &str, value: &Value) -> plywave::Result<()> {
     let fine = |list: &Vec<Value>| list.len() == 3 && list.iter().all(|v| number(v).is_some_and(|v| v.abs() <= FAR));

@@ -7,9 +7,10 @@ use crate::failure::{Failure, Outcome};
 use crate::kinds;
 use glam::Vec3;
 use keys::RULES;
-use plywave::FiberModel;
-use plywave::fiber::filament_of;
 use plywave::spec::rules;
+use plywave::spec::rules::number;
+use plywave_fiber::FiberModel;
+use plywave_fiber::filament_of;
 use plywave_render::{
     Basis, Camera, Environment, Light, Prop, Shape, StrandFiber, StrandFile, StrandNotes, StrandScene, StrandShape,
     make,
@@ -41,7 +42,7 @@ pub struct Loaded {
 impl StrandSpec {
     /// Reads and checks a file; another kind of file is named.
     pub fn load(path: &Path) -> Outcome<StrandSpec> {
-        let explain = |e: plywave::Error| kinds::explain(path, &[kinds::Kind::StrandScene], e);
+        let explain = |e: plywave::Error| kinds::explain(path, &[kinds::InputKind::StrandScene], e);
         let file = path.display().to_string();
         let text = plywave::io::read_text(path, MAX_BYTES).map_err(explain)?;
         let table = rules::parse(&text, &file, &RULES).map_err(explain)?;
@@ -95,7 +96,7 @@ impl StrandSpec {
         let failed = crate::rendering::failed;
         let Spec { strands: s, camera, .. } = &self.spec;
         let basis = if s.basis.as_deref() == Some("linear") { Basis::Linear } else { Basis::BSpline };
-        let (strands, told) = match (&s.make, &s.file) {
+        let (strands, reported) = match (&s.make, &s.file) {
             (Some(of), _) => {
                 let radius = 1e-3 * s.radius_um.unwrap_or(1.0);
                 let made = make(of, radius, s.segments.unwrap_or(32), s.seed.unwrap_or(1)).map_err(failed)?;
@@ -106,18 +107,18 @@ impl StrandSpec {
                 // Both have the points of whole strands.
                 let is_whole = |ending: &str| path.extension().is_some_and(|e| e.eq_ignore_ascii_case(ending));
                 let is_whole = ["hair", "obj"].into_iter().any(is_whole);
-                let how = StrandFile {
+                let import = StrandFile {
                     basis,
                     mm_per_unit: s.mm_per_unit.unwrap_or(1.0),
                     radius_mm: s.radius_um.map(|r| 1e-3 * r),
                     whole: s.whole.unwrap_or(is_whole),
                 };
-                plywave_render::Strands::load(&path, &how).map_err(failed)?
+                plywave_render::Strands::load(&path, &import).map_err(failed)?
             }
         };
         let mut notes =
             vec![format!("{} strands of {} segments", strands.len(), crate::report::count(strands.segments() as f64))];
-        notes.extend(told.lines());
+        notes.extend(reported.lines());
         let mean_um = 1e3 * strands.mean_radius_mm();
         let fiber = self.fiber(mean_um as f32)?;
         let model_um = f64::from(fiber.radius_um());
@@ -141,14 +142,15 @@ impl StrandSpec {
         }));
         let up = camera.up.map_or(Vec3::Z, Vec3::from);
         let camera = Camera::new(camera.from_mm.into(), camera.to_mm.into(), up, camera.fov_deg.to_radians());
-        Ok(Loaded { scene, camera, notes, included: told.included.into_iter().collect() })
+        Ok(Loaded { scene, camera, notes, included: reported.included.into_iter().collect() })
     }
 
     fn fiber(&self, radius_um: f32) -> Outcome<StrandFiber> {
         let model: FiberModel = match self.table() {
             Some(path) => {
-                let fiber = FiberModel::load(&path).map_err(|e| kinds::explain(&path, &[kinds::Kind::Fiber], e))?;
-                match (fiber, self.spec.fiber.model.get("beta_m").and_then(keys::number)) {
+                let fiber =
+                    FiberModel::load(&path).map_err(|e| kinds::explain(&path, &[kinds::InputKind::Fiber], e))?;
+                match (fiber, self.spec.fiber.model.get("beta_m").and_then(number)) {
                     (FiberModel::Tabulated(fiber), Some(beta)) => fiber.with_beta_m(beta as f32).into(),
                     (fiber, _) => fiber,
                 }

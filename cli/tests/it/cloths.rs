@@ -6,16 +6,16 @@
 //!    of the fit meet.
 
 use glam::Vec3;
-use plywave::check::check_bsdf;
 use plywave::cloth::{ClothData, ClothOptions};
 use plywave::frame::direction;
 use plywave::spec::YarnSpec;
 use plywave::{Bsdf, ClothModel, ClothQuery, PlyModel, PlyQuery};
-use plywave_fit::speckle::NoiseOptions;
+use plywave_check::check_bsdf;
 use plywave_pipeline::{ClothRecipe, Run as Making, model_library};
 use plywave_render::{Camera, Environment, Film, FilmView, Light, Mesh, RenderOptions, Scene, Setup, render};
-use plywave_sim::Run;
-use plywave_sim::wave::{SpeckleOptions, speckle};
+use plywave_runs::Run;
+use plywave_wave::noise::NoiseOptions;
+use plywave_wave::{SpeckleOptions, speckle};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 use std::collections::BTreeMap;
@@ -48,7 +48,7 @@ fn woven(name: &'static str) -> Arc<ClothData> {
     let once = WOVEN.lock().unwrap().entry(name).or_default().clone();
     let make = || {
         let recipe = ClothRecipe::load(folder().join(format!("cloths/{name}.toml"))).unwrap();
-        let models = recipe.models(&model_library()).unwrap();
+        let models = recipe.plies(&model_library()).unwrap().build(&Making::plain()).unwrap().models;
         let curves = recipe.curves(&Making::plain()).unwrap();
         Arc::new(recipe.make(&curves, &models, false, &Making::plain()).unwrap())
     };
@@ -209,7 +209,7 @@ fn the_mean_over_speckle_is_the_smooth_picture() {
     let options = SpeckleOptions { instances: 8, lambda_um: vec![0.4, 0.55, 0.7], ..SpeckleOptions::default() };
     let patterns = speckle(&spec, &data.spec_text, &options, Run::plain()).unwrap();
     let options = NoiseOptions { w0_um: spec.beam.w0_um, ..NoiseOptions::default() };
-    data.noise = Some(plywave_fit::speckle::noise_spectrum(&patterns, &options, "patterns").unwrap().0);
+    data.noise = Some(plywave_wave::noise::noise_spectrum(&patterns, &options, "patterns").unwrap().0);
     let model = Arc::new(PlyModel::from_data(data).unwrap());
     let of = |noise: bool| {
         let mut data = (*jersey).clone();

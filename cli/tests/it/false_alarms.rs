@@ -13,7 +13,7 @@
 //! one false alarm in 1000), and some 1 % of the seeds fail.
 
 use plywave::PlyModel;
-use plywave::check::{CheckOptions, check_layers, check_model, check_whole};
+use plywave_check::{CheckOptions, check_layers, check_model, check_whole};
 use rand::{RngExt, SeedableRng};
 use std::path::Path;
 

@@ -3,7 +3,8 @@
 #![cfg(unix)]
 
 use crate::common::{folder, names, plywave, refused, run, succeed, text};
-use plywave::fiber::{FiberSource, FiberTable, TabulatedFiber};
+use plywave::Document;
+use plywave_fiber::{FiberSource, FiberTable, TabulatedFiber};
 use std::path::Path;
 use std::time::{Duration, Instant};
 

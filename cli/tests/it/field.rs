@@ -342,7 +342,7 @@ fn tg3_scale() {
     // The spec takes precedence: half as large, and a quarter of the fibers.
     let (spec, model) =
         ["cloth.toml", "meters.tg3"].map(|name| std::fs::read_to_string(dir.join(name)).unwrap()).into();
-    let half = spec.replace("[yarn]", "um_per_unit = 5e5\n[yarn]").replace("tex = 7", "tex = 1.75");
+    let half = spec.replace("[yarn]", "um_per_unit = 5e5\n[yarn]").replace("7 tex", "1.75 tex");
     std::fs::write(dir.join("own.toml"), half).unwrap();
     let own = json(&succeed(dir, &["weave", "own.toml", "--json"]));
     assert_eq!(own["cell_um"][0][0].as_f64().unwrap(), 400.0);
@@ -384,7 +384,7 @@ fn tg3_count_and_section() {
     let spec = std::fs::read_to_string(dir.join("cloth.toml")).unwrap();
     // Fibers that fit, packed more densely, and those that go with the section.
     for (tex, notes) in [("10.0", 1), ("7.2", 0)] {
-        std::fs::write(dir.join("cloth.toml"), spec.replace("tex = 100", &format!("tex = {tex}"))).unwrap();
+        std::fs::write(dir.join("cloth.toml"), spec.replace("100 tex", &format!("{tex} tex"))).unwrap();
         let said = json(&succeed(dir, &["weave", "cloth.toml", "--json"]));
         assert_eq!(notes_with(&said, &["packing = 0.84"]), notes, "{tex}: {}", said["notes"]);
         expect_cloth(&said, ROUND, 2e-3);

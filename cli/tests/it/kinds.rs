@@ -27,7 +27,7 @@ fn kinds() -> Vec<(&'static str, &'static str, Vec<u8>)> {
             "a cloth spec (TOML)",
             text("name = \"f\"\n[weave]\nkind = \"plain\"\n[warp]\nmodel = \"silk\"\n"),
         ),
-        ("k.pwc", "a cloth (.pwc)", container("plywave-cloth", 1)),
+        ("k.pwc", "a cloth (.pwc)", container("plywave-cloth", 3)),
         ("filament.toml", "an analytic fiber (TOML)", text("[filament]\nkind = \"dielectric\"\n")),
         ("scene.toml", "a scene for waves (TOML)", text("lambda_um = 0.5\n[[fiber]]\neta = 1.5\n")),
         ("strands.toml", "a scene of strands (TOML)", text("[strands]\nmake = { kind = \"ball\" }\n[fiber]\n")),

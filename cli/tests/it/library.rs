@@ -6,11 +6,11 @@ use std::path::Path;
 
 /// A cloth whose plies are as wide as those of the model of silk.
 fn cloth(warp: &str, weft: &str) -> String {
-    let yarn = |model: &str, key: &str| {
-        format!("model = \"{model}\"\ncount = {{ tex = 5.115 }}\ndensity_g_per_cm3 = 1.34\n{key} = 20\n")
-    };
-    let (warp, weft) = (yarn(warp, "ends_per_cm"), yarn(weft, "picks_per_cm"));
-    format!("name = \"open\"\n[weave]\nkind = \"plain\"\n[warp]\n{warp}[weft]\n{weft}")
+    format!(
+        "name = \"open\"\n[weave]\nkind = \"plain\"\nends_per_cm = 20\npicks_per_cm = 20\n[warp]\n\
+         model = \"{warp}\"\nfiber = \"silk\"\ncount = \"5.115 tex\"\npacking = 0.6\nbundles = 1\n\
+         [weft]\nas = \"warp\"\nmodel = \"{weft}\"\n"
+    )
 }
 
 fn shipped(name: &str) -> String {

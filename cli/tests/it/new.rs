@@ -1,7 +1,7 @@
-//! `plywave new`: the specs that ship come with all that they need, from the program alone; and what a copied
-//! spec says that lacks its plies.
+//! `plywave new`: the specs that ship come with all that they need, from the program alone; and a copied spec
+//! does as well.
 
-use crate::common::{json, names, plywave, refused, run, succeed, text};
+use crate::common::{json, names, refused, run, succeed, text};
 use std::path::Path;
 
 fn fabrics() -> std::path::PathBuf {
@@ -41,17 +41,14 @@ fn a_new_cloth_is_woven_at_once() {
     let folder = tempfile::tempdir().unwrap();
     let dir = folder.path();
     succeed(dir, &["new", "denim"]);
-    assert_eq!(names(dir), ["denim.toml", "plies"]);
-    assert_eq!(names(&dir.join("plies")), ["cotton_bundle_ne7.pwm", "cotton_bundle_ne7.toml"]);
+    assert_eq!(names(dir), ["denim.toml"]);
     let woven = json(&succeed(dir, &["weave", "denim.toml", "--json", "-q"]));
     let grams_per_m2 = woven["measures"]["mass_g_per_m2"].as_f64().unwrap();
     let expected = 14.0 * 28.3495 / 0.836127;
     assert!((grams_per_m2 / expected - 1.0).abs() < 0.1, "{grams_per_m2}, {expected}");
-    // Its plies are those of the sources.
+    // Its plies are those that ship.
     let twin = run(dir, &["twin", "denim.toml", "--plan"]);
     assert!(twin.status.success(), "{}", text(&twin.stderr));
-    let model = std::fs::read(fabrics().join("cloths/plies/cotton_bundle_ne7.pwm")).unwrap();
-    assert_eq!(std::fs::read(dir.join("plies/cotton_bundle_ne7.pwm")).unwrap(), model);
 }
 
 #[test]
@@ -79,7 +76,7 @@ fn yarns_and_names_of_two() {
         |path: &str, of: &str| std::fs::read(dir.join(path)).unwrap() == std::fs::read(fabrics().join(of)).unwrap();
     assert!(same("cloth/gold.toml", "cloths/gold.toml") && same("yarn/gold.toml", "gold.toml"));
     refused(dir, &["new", "denim", "--yarn"], &["NAME = denim", "no yarn spec", "`plywave new`"]);
-    refused(dir, &["new", "damask"], &["NAME = damask", "no cloth or yarn spec", "`plywave new`"]);
+    refused(dir, &["new", "velvet"], &["NAME = velvet", "no cloth or yarn spec", "`plywave new`"]);
     refused(dir, &["new", "../denim"], &["NAME = ../denim"]);
 }
 
@@ -89,45 +86,31 @@ fn nothing_is_overwritten() {
     let folder = tempfile::tempdir().unwrap();
     let dir = folder.path();
     succeed(dir, &["new", "flannel"]);
-    // Of the same ply.
     let written = json(&succeed(dir, &["new", "jersey", "--json"]));
     assert_eq!(written["written"], serde_json::json!(["jersey.toml"]));
     assert!(succeed(dir, &["new", "jersey"]).contains("jersey.toml: is there already"));
     std::fs::write(dir.join("organza.toml"), "name = \"mine\"\n").unwrap();
-    let before = names(&dir.join("plies"));
+    let before = names(dir);
     refused(dir, &["new", "organza"], &["organza.toml", "other contents", "-o"]);
     assert_eq!(std::fs::read(dir.join("organza.toml")).unwrap(), b"name = \"mine\"\n");
-    assert_eq!(names(&dir.join("plies")), before);
+    assert_eq!(names(dir), before);
     std::fs::write(dir.join("file"), "").unwrap();
     refused(dir, &["new", "organza", "-o", "file"], &["file"]);
 }
 
-/// A cloth's spec copied without its plies: what is missing, and a command that exists and mends it.
+/// A cloth's spec that is copied alone has its plies from the program.
 #[test]
-fn a_copied_spec_says_what_is_missing() {
+fn a_copied_spec_is_enough() {
     let folder = tempfile::tempdir().unwrap();
     let dir = folder.path();
     std::fs::copy(fabrics().join("cloths/denim.toml"), dir.join("denim.toml")).unwrap();
-    let words =
-        ["denim.toml: warp.model = plies/cotton_bundle_ne7.toml", "no such file", "`plywave new denim -o FOLDER`"];
-    for command in [&["weave", "denim.toml", "-o", "d.pwc"][..], &["twin", "denim.toml"], &["render", "denim.toml"]] {
-        let err = text(&run(dir, command).stderr);
-        assert!(words.iter().all(|word| err.contains(word)) && !err.contains("plywave build"), "{command:?}: {err}");
+    for command in [&["weave", "denim.toml", "--json", "-q"][..], &["twin", "denim.toml", "--plan"]] {
+        let run = run(dir, command);
+        assert!(run.status.success(), "{command:?}: {}", text(&run.stderr));
     }
-    // A model alone is enough, and a spec alone is to be built.
-    let ply = fabrics().join("cloths/plies/cotton_bundle_ne7.toml");
-    std::fs::create_dir(dir.join("plies")).unwrap();
-    std::fs::copy(&ply, dir.join("plies/cotton_bundle_ne7.toml")).unwrap();
-    refused(
-        dir,
-        &["weave", "denim.toml", "-o", "d.pwc"],
-        &["build its model first: `plywave build plies/cotton_bundle_ne7.toml"],
-    );
-    // The advice does it.
-    succeed(dir, &["new", "denim"]);
-    let mut weave = plywave(dir, &["render", "denim.toml", "-o", "absent/d.png"]);
-    let err = text(&weave.output().unwrap().stderr);
-    assert!(err.contains("absent") && !err.contains("plies"), "{err}");
+    // Refused for the picture's folder alone.
+    refused(dir, &["render", "denim.toml", "-o", "absent/d.png"], &["absent"]);
+    assert_eq!(names(dir), ["denim.toml"]);
     // A spec that ships and is not there.
     refused(dir, &["weave", "jersey.toml"], &["jersey.toml: no such file", "`plywave new jersey`"]);
     refused(dir, &["build", "gold.toml"], &["gold.toml: no such file", "`plywave new gold --yarn`"]);

@@ -2,6 +2,7 @@
 //! from sums of the same inputs, and what is told.
 
 use crate::common::{ANY_FIT, json, names, refused, run, succeed, text, write_cloth};
+use plywave::Document;
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
@@ -188,8 +189,8 @@ fn slits_come_by_flag_or_spec() {
     let folder = folder();
     let dir = folder.path();
     let mut cloth = plywave::cloth::ClothData::load(dir.join("cloth.pwc")).unwrap();
-    for yarn in ["[warp]", "[weft]"] {
-        cloth.spec_text = cloth.spec_text.replace(yarn, &format!("{yarn}\nslit_um = 2.0"));
+    for look in &mut cloth.looks {
+        look.slits = Some(plywave::cloth::Slits::of_width(2.0));
     }
     cloth.save(dir.join("slits.pwc")).unwrap();
     let picture = |cloth: &str, more: &[&str]| {
@@ -213,7 +214,9 @@ fn colors_out_of_reach_are_told_in_the_same_words() {
     let folder = folder();
     let dir = folder.path();
     let mut cloth = plywave::cloth::ClothData::load(dir.join("cloth.pwc")).unwrap();
-    cloth.spec_text = cloth.spec_text.replace("srgb = [0.88, 0.88, 0.86]", "srgb = [0.5, 0.02, 0.08]");
+    for look in &mut cloth.looks {
+        look.colors = vec![plywave::cloth::YarnColor::Srgb([0.5, 0.02, 0.08])];
+    }
     cloth.save(dir.join("red.pwc")).unwrap();
     let said = json(&succeed(dir, &[&["render", "red.pwc", "-o", "a.png", "--json"][..], &SMALL[..6]].concat()));
     let notes: Vec<&str> = said["notes"].as_array().unwrap().iter().filter_map(|n| n.as_str()).collect();

@@ -6,13 +6,11 @@ use std::path::Path;
 
 /// Two straight layers of the polyester that ships.
 fn cloth(folder: &Path, per_cm: u32) {
-    let yarn = |key: &str| {
-        format!(
-            "model = \"polyester.pwm\"\ncount = {{ tex = 6.503 }}\ndensity_g_per_cm3 = 1.38\n{key} = {per_cm}\nsigma_per_um = 0.01\n"
-        )
-    };
-    let (warp, weft) = (yarn("ends_per_cm"), yarn("picks_per_cm"));
-    let spec = format!("name = \"layers\"\n[weave]\nkind = \"layers\"\n[warp]\n{warp}[weft]\n{weft}");
+    let spec = format!(
+        "name = \"layers\"\n[weave]\nkind = \"layers\"\nends_per_cm = {per_cm}\npicks_per_cm = {per_cm}\n\
+         [warp]\nmodel = \"polyester.pwm\"\nfiber = \"polyester\"\ncount = \"6.503 tex\"\npacking = 0.6\n\
+         sigma_per_um = 0.01\n[weft]\nas = \"warp\"\n"
+    );
     std::fs::write(folder.join("layers.toml"), spec).unwrap();
 }
 
@@ -82,6 +80,7 @@ fn shares_make_the_same_file() {
 }
 
 #[test]
+#[ignore = "slow: 6 s: what cannot be traced is refused in one line"]
 fn what_cannot_be_is_refused_in_one_line() {
     let folder = folder();
     let at = folder.path();

@@ -1,4 +1,4 @@
-//! High-order lobes of a family, block by block.
+//! Fits the high-order lobes of a family, block by block.
 
 use super::{Work, spectra};
 use crate::fit::{block_products, block_targets, dark_slices};
@@ -11,13 +11,13 @@ use rayon::prelude::*;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// A block of all nodes: `params[node][corner][lobe][6]`, `paths[node][corner][lobe][J]`.
-pub(super) struct Block {
+pub(super) struct FamilyBlock {
     params: Vec<f64>,
     paths: Vec<f64>,
     nodes: usize,
 }
 
-impl Block {
+impl FamilyBlock {
     pub(super) fn params_of(&self, node: usize) -> &[f64] {
         let size = self.params.len() / self.nodes;
         &self.params[node * size..(node + 1) * size]
@@ -29,8 +29,8 @@ impl Block {
     }
 }
 
-/// Fits the blocks, in the order of a model.
-pub(super) fn fit(work: &Work<'_>, done: &(dyn Fn(usize, usize) + Sync)) -> Vec<Block> {
+/// Fits all blocks, in the order of a model's blocks.
+pub(super) fn fit(work: &Work<'_>, done: &(dyn Fn(usize, usize) + Sync)) -> Vec<FamilyBlock> {
     let first = work.all[0];
     let (rows, columns) = ((first.theta_i.len() - 1) / 2, (first.h_um.len() - 1) / 2);
     let spectra: Vec<Vec<Vec<f64>>> = work.all.par_iter().map(|table| spectra(table, work.path_um)).collect();
@@ -45,16 +45,16 @@ pub(super) fn fit(work: &Work<'_>, done: &(dyn Fn(usize, usize) + Sync)) -> Vec<
         .collect()
 }
 
-fn fit_block(work: &Work<'_>, (bm, bn): (usize, usize), block: usize, spectra: &[Vec<Vec<f64>>]) -> Block {
+fn fit_block(work: &Work<'_>, (bm, bn): (usize, usize), block: usize, spectra: &[Vec<Vec<f64>>]) -> FamilyBlock {
     let (sphere, options, coarse) = (work.sphere, work.options, work.coarse.as_ref());
     let (nodes, lobes) = (work.tables.nodes.len(), options.lobes_high);
     let size = CORNERS * lobes * PARAMS;
     let first = work.all[0];
-    // Nine slices of each node's table, with the corners of that node.
+    // Each node contributes the nine slices of its table, with the corners of that node.
     let own: Vec<Vec<Target>> =
         work.all.iter().map(|table| block_targets(sphere, table, bm, bn, LobeKind::Round)).collect();
 
-    // Node by node.
+    // First the nodes are fitted one by one, each from a neighbor.
     let follow = BlockEffort { starts: 0, moves: 0, ..options.block };
     let mut params = vec![0.0; nodes * size];
     for &(node, from) in &work.order {
@@ -68,7 +68,7 @@ fn fit_block(work: &Work<'_>, (bm, bn): (usize, usize), block: usize, spectra: &
     let scale = own.iter().flatten().map(|t| t.energy).fold(0.0, f64::max);
     params.chunks_exact_mut(size).for_each(|node| common_scale(node, CORNERS as f64 * scale));
 
-    // All nodes together, with the middles.
+    // Then all nodes are fitted together, including the middles.
     let all: Vec<Vec<Target>> = own
         .into_iter()
         .enumerate()
@@ -88,7 +88,7 @@ fn fit_block(work: &Work<'_>, (bm, bn): (usize, usize), block: usize, spectra: &
     let joint = fit_joint(sphere, coarse, &flat, sets, lobes, &follow, block as u64 + 1, &[params]);
     let mut params = joint.params;
 
-    // Spectra of each node, then lobes and spectra of all at every absorption.
+    // Last come the spectra of each node, then lobes and spectra of all nodes at every absorption.
     let attenuation = attenuation(&first.sigma_per_um, work.path_um);
     let columns = first.h_um.len();
     let j = work.path_um.len();
@@ -125,11 +125,11 @@ fn fit_block(work: &Work<'_>, (bm, bn): (usize, usize), block: usize, spectra: &
             options.dark_iterations,
         );
     }
-    Block { params, paths, nodes }
+    FamilyBlock { params, paths, nodes }
 }
 
-/// Scales a node's lobe energies to this sum over corners and lobes. The common factor is free in the node's
-/// own fit, but would weight the node against others in interpolations.
+/// Scales a node's lobe energies to the sum `to` over corners and lobes. The common factor is free in the
+/// node's own fit, but would weight the node against others in interpolations.
 fn common_scale(params: &mut [f64], to: f64) {
     let sum: f64 = params.chunks_exact(PARAMS).map(|p| p[5]).sum();
     if sum > 0.0 {

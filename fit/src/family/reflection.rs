@@ -1,5 +1,5 @@
-//! Reflection lobes of a family. The middle node is fitted as in a model, the others from a neighbor's lobes,
-//! then all nodes together, incidence by incidence.
+//! Fits the reflection lobes of a family: the middle node as for a single model, the others from a neighbor's
+//! lobes, then all nodes together, incidence by incidence.
 
 use super::Work;
 use crate::lobes::block::{Target, joint_cost};
@@ -12,10 +12,10 @@ use rayon::prelude::*;
 use std::f64::consts::{FRAC_PI_2, PI};
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-/// Rounds over the incidences of a node that starts from a neighbor's lobes.
+/// Number of rounds over the incidences of a node that starts from a neighbor's lobes.
 const ROUNDS: usize = 2;
 
-/// Fits lobes `[node][M][H][lobes][6]`, with energies as shares that add up to 1.
+/// Fits lobes `[node][M][H][lobes][6]`, with energies as fractions that add up to 1.
 pub(super) fn fit(work: &Work<'_>, done: &(dyn Fn(usize, usize) + Sync)) -> Vec<Vec<f64>> {
     let (sphere, effort, lobes) = (work.sphere, &work.options.reflection, work.options.lobes_refl);
     let first = work.all[0];
@@ -29,8 +29,8 @@ pub(super) fn fit(work: &Work<'_>, done: &(dyn Fn(usize, usize) + Sync)) -> Vec<
     };
     let alone = |table: usize, at: usize| Target { corners: vec![(0, 1.0)], ..target(table, at) };
     let total = incidences * (1 + ROUNDS) * count + incidences * effort.rounds;
-    let told = AtomicUsize::new(0);
-    let tell = |units: usize| done(told.fetch_add(units, Ordering::Relaxed) + units, total);
+    let reported = AtomicUsize::new(0);
+    let report = |units: usize| done(reported.fetch_add(units, Ordering::Relaxed) + units, total);
 
     let mut fitted: Vec<Vec<Vec<f64>>> = vec![Vec::new(); count];
     for &(node, from) in &work.order {
@@ -48,18 +48,18 @@ pub(super) fn fit(work: &Work<'_>, done: &(dyn Fn(usize, usize) + Sync)) -> Vec<
                 own
             }
         };
-        tell(incidences * (1 + ROUNDS));
+        report(incidences * (1 + ROUNDS));
     }
     let tables = work.all.len();
     for _ in 0..effort.rounds {
         round(work, (m, n), &mut fitted, &|at| (0..tables).map(|table| target(table, at)).collect());
-        tell(incidences);
+        report(incidences);
     }
     fitted.into_iter().map(|node| node.concat()).collect()
 }
 
-/// Refits `fitted[set][incidence]`, one color of a checkerboard of incidences after the other, all sets of an
-/// incidence together.
+/// Refits `fitted[set][incidence]`: one color of a checkerboard of incidences after the other, with all sets
+/// of an incidence together.
 fn round(
     work: &Work<'_>,
     (m, n): (usize, usize),
@@ -88,8 +88,8 @@ fn round(
     }
 }
 
-/// Fits the sets of one incidence. The cost has the errors of its slices and the pull of each set to its
-/// prior from the neighbors.
+/// Fits the sets of one incidence. The cost consists of the errors of its slices and the pull of each set to
+/// its prior from the neighbors.
 fn fit_sets(work: &Work<'_>, targets: &[Target], start: &[f64], pull: &[f64]) -> Vec<f64> {
     let (effort, lobes) = (&work.options.reflection, work.options.lobes_refl);
     let (mut lower, mut upper) = (Vec::new(), Vec::new());
@@ -107,7 +107,7 @@ fn fit_sets(work: &Work<'_>, targets: &[Target], start: &[f64], pull: &[f64]) ->
             cost += s * (x - p) * (x - p);
             *g += 2.0 * s * (x - p);
         }
-        // The energies of a set are shares: their sum is free in the errors and fixed at 1 here.
+        // The energies of a set are fractions; their sum is free in the errors and pulled to 1 here.
         for (x, g) in x.chunks_exact(size).zip(g.chunks_exact_mut(size)) {
             let excess = x.chunks_exact(PARAMS).map(|p| p[5]).sum::<f64>() - 1.0;
             g.chunks_exact_mut(PARAMS).for_each(|g| g[5] += 0.2 * excess);

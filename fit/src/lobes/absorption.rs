@@ -1,32 +1,33 @@
-//! Absorption as path-length spectra: `E(sigma) = sum_j P_j exp(-sigma L_j)`, P >= 0, and the same for every
-//! lobe's weight.
+//! Absorption as path-length spectra: `E(sigma) = sum_j P_j exp(-sigma L_j)` with P >= 0 for energies and for
+//! the weight of each lobe.
 //!
-//! f_high is the Laplace transform in sigma of the distribution of path lengths inside the fibers; a spectrum
-//! on a few path lengths shared by the model is monotone in sigma and valid between and beyond the simulated
-//! coefficients.
+//! f_high is the Laplace transform in sigma of the distribution of path lengths inside the fibers. A spectrum
+//! on a few path lengths shared by the model is therefore monotone in sigma and valid between and beyond the
+//! simulated coefficients.
 
 use crate::optimize::minimize::{MinimizeOptions, minimize_bounded};
 use crate::optimize::nnls::nnls;
 use nalgebra::{DMatrix, DVector};
 
-/// Longest path [um] of a model, 900 m: weaker absorption counts as none.
+/// Longest path [um] of a model, 900 m; absorption too weak to matter over that length counts as 0.
 const LONGEST_UM: f64 = 9e8;
 /// Number of path lengths of a model with absorption.
 pub const PATHS: usize = 8;
 
-/// `exp(-sigma_k L_j)`, `[K][J]`.
+/// Attenuation `exp(-sigma_k L_j)`, `[K][J]`.
 pub(crate) fn attenuation(sigma: &[f64], path: &[f64]) -> Vec<f64> {
     sigma.iter().flat_map(|s| path.iter().map(move |l| (-s * l).exp())).collect()
 }
 
-/// The spectrum P >= 0 with sum `energy[0]` whose attenuated sums come closest to `energy[k]`, and the
+/// The spectrum P >= 0 with sum `energy[0]` whose attenuated sums approximate `energy[k]` best, and the
 /// largest error over k relative to `energy[0]`.
 pub fn energy_spectrum(energy: &[f64], sigma: &[f64], path: &[f64]) -> (Vec<f64>, f64) {
     let top = energy.first().copied().unwrap_or(0.0);
     if top <= 0.0 {
         return (vec![0.0; path.len()], 0.0);
     }
-    // The first row (sigma = 0) is the sum of P: a large weight fits it closely, and scaling makes it exact.
+    // The first row (sigma = 0) is the sum of P: a large weight fits it closely, and the scaling below makes
+    // it exact.
     let t = attenuation(sigma, path);
     let weight = |k: usize| if k == 0 { 1e3 } else { 1.0 };
     let a = DMatrix::from_fn(sigma.len(), path.len(), |k, j| weight(k) * t[k * path.len() + j]);
@@ -48,14 +49,14 @@ pub fn energy_spectrum(energy: &[f64], sigma: &[f64], path: &[f64]) -> (Vec<f64>
     (p, error)
 }
 
-/// Largest error of energies, relative to those at sigma = 0, with which [`PATHS`] lengths are enough.
+/// Largest error of energies, relative to those at sigma = 0, up to which [`PATHS`] lengths suffice.
 const ENOUGH: f64 = 1e-3;
-/// Numbers of lengths that are tried next: reflections of opaque fibers are steps of one length, which eight
-/// lengths cannot resolve.
+/// Larger numbers of lengths that are tried next: reflections of opaque fibers are steps of one length, which
+/// eight lengths cannot resolve.
 const MORE_PATHS: [usize; 2] = [12, 16];
 
-/// Path lengths that fit `energies[node][K]` best: log-spaced, with or without a zero, with the least maximal
-/// error over the nodes.
+/// Path lengths that fit `energies[node][K]` best: log-spaced, with or without a zero, with the smallest
+/// maximal error over the nodes.
 pub fn choose_paths(energies: &[Vec<f64>], sigma: &[f64]) -> Vec<f64> {
     let mut best = choose_among(energies, sigma, PATHS);
     for count in MORE_PATHS {
@@ -67,15 +68,15 @@ pub fn choose_paths(energies: &[Vec<f64>], sigma: &[f64]) -> Vec<f64> {
     best.1
 }
 
-/// The best `lengths` path lengths, and their error.
+/// The best choice of `lengths` path lengths, and its error.
 fn choose_among(energies: &[Vec<f64>], sigma: &[f64], lengths: usize) -> (f64, Vec<f64>) {
     let positive: Vec<f64> = sigma.iter().copied().filter(|s| *s > 0.0).collect();
-    let (Some(&least), Some(&most)) = (positive.first(), positive.last()) else { return (0.0, vec![0.0]) };
+    let (Some(&min), Some(&max)) = (positive.first(), positive.last()) else { return (0.0, vec![0.0]) };
     let mut best = (f64::INFINITY, vec![0.0]);
     for zero in [true, false] {
         for low in [0.03, 0.1, 0.2, 0.4, 0.8, 1.2, 2.0] {
             for high in [0.1, 0.2, 0.4, 0.8, 1.6, 4.0] {
-                let (first, last) = (low / most, (high / least).min(LONGEST_UM));
+                let (first, last) = (low / max, (high / min).min(LONGEST_UM));
                 let count = if zero { lengths - 1 } else { lengths };
                 if last <= first * 1.5 {
                     continue;
@@ -93,7 +94,8 @@ fn choose_among(energies: &[Vec<f64>], sigma: &[f64], lengths: usize) -> (f64, V
     best
 }
 
-/// Inner products on the sphere of a slice and lobes: all that the fit of the lobes' absorption needs.
+/// Inner products on the sphere between a slice and its lobes: all inputs of the fit of the lobes'
+/// absorption.
 #[derive(Clone, Debug)]
 pub(crate) struct SliceProducts {
     /// Lobe energies at this slice, `[L]`.
@@ -104,7 +106,7 @@ pub(crate) struct SliceProducts {
     pub cross: Vec<f64>,
     /// `<t_k, t_k>`, `[K]`.
     pub norm2: Vec<f64>,
-    /// Energy that the evaluator scales to, `[K]`.
+    /// Energy to which the evaluator scales, `[K]`.
     pub target_energy: Vec<f64>,
     /// Weight in the sum of squares, `[K]`.
     pub weight: Vec<f64>,
@@ -112,7 +114,7 @@ pub(crate) struct SliceProducts {
     pub corners: Vec<(usize, f64)>,
 }
 
-/// Fits spectra `[sets][L][J]`, each of sum 1, of the energy-scaled mixtures to the slices at all sigma.
+/// Fits spectra `[sets][L][J]`, each with sum 1, of the energy-scaled mixtures to the slices at all sigma.
 /// Every lobe starts from the spectrum `start`, `[J]`.
 pub(crate) fn fit_lobe_spectra(
     slices: &[SliceProducts],
@@ -135,14 +137,14 @@ pub(crate) fn fit_lobe_spectra(
     fit.x.chunks_exact(paths).flat_map(normalized).collect()
 }
 
-/// `x` over its sum; equal shares when there is none.
+/// `x` divided by its sum; equal fractions if the sum is 0.
 pub(crate) fn normalized(x: &[f64]) -> Vec<f64> {
     let sum: f64 = x.iter().sum();
     if sum > 1e-9 { x.iter().map(|v| v / sum).collect() } else { vec![1.0 / x.len() as f64; x.len()] }
 }
 
-/// Pull toward the block's spectrum. It determines lobes without energy, which have no data, and is too weak
-/// to move others.
+/// Strength of the pull toward the block's spectrum. It determines the spectra of lobes without energy, for
+/// which there is no data, and is too weak to change others.
 const PULL: f64 = 1e-5;
 
 fn spectra_cost(
@@ -205,7 +207,7 @@ fn spectra_cost(
     cost
 }
 
-/// Gradient by `x` from the gradient by the normalized spectra.
+/// Gradient with respect to `x` from the gradient with respect to the normalized spectra.
 pub(crate) fn chain_normalized(x: &[f64], by_p: &[f64], paths: usize, gradient: &mut [f64]) {
     for ((x, g), d) in x.chunks_exact(paths).zip(gradient.chunks_exact_mut(paths)).zip(by_p.chunks_exact(paths)) {
         let sum: f64 = x.iter().sum();
@@ -224,7 +226,7 @@ mod tests {
 
     const SIGMA: [f64; 6] = [0.0, 0.001, 0.003, 0.01, 0.03, 0.1];
 
-    /// Energies of a gamma-like distribution of path lengths about `mean` um.
+    /// Energies of a gamma-like distribution of path lengths with mean `mean` [um].
     fn energies(mean: f64) -> Vec<f64> {
         SIGMA.iter().map(|s| 0.8 / (1.0 + s * mean / 2.0).powi(2)).collect()
     }

@@ -1,8 +1,8 @@
-//! High-order lobes in blocks of nine slices (Yu 2025, Eq. 6-7): the lobes of the four corners are free, the
-//! other five are averages of them.
+//! Fits high-order lobes in blocks of nine slices (Yu 2025, Eq. 6-7): the lobes of the four corners are free
+//! parameters, those of the other five slices are averages of them.
 //!
-//! Inside the objective, the model of a slice is scaled to the slice's energy as the evaluator scales it. So
-//! the objective is the error of evaluated values.
+//! Inside the objective, the model of a slice is scaled to the slice's energy in the same way as by the
+//! evaluator, so the objective is the error of evaluated values.
 
 use crate::lobes::cone::{self, SliceLobes, ring_lobes, rings};
 use crate::lobes::init::kmeans_lobes;
@@ -12,7 +12,7 @@ use plywave::ply::LobeKind;
 use plywave::ply::asg::PARAMS;
 use std::f64::consts::PI;
 
-/// Corners of a block in file order (theta_i, h): (0, 0), (0, 2), (2, 0), (2, 2).
+/// Number of corners of a block, in file order (theta_i, h): (0, 0), (0, 2), (2, 0), (2, 2).
 pub const CORNERS: usize = 4;
 
 /// Weights of the four corners at slice (a, b) of a block, a, b in 0..3 (Yu 2025, 5.2).
@@ -21,7 +21,7 @@ pub fn corner_weights(a: usize, b: usize) -> [f64; CORNERS] {
     [(1.0 - s) * (1.0 - t), (1.0 - s) * t, s * (1.0 - t), s * t]
 }
 
-/// One slice of a fit: target, its energy and its weight in the sum of squares.
+/// One slice of a fit: its target, its energy, and its weight in the sum of squares.
 #[derive(Clone, Debug)]
 pub(crate) struct Target {
     pub slice: PaddedSlice,
@@ -29,13 +29,13 @@ pub(crate) struct Target {
     pub weight: f64,
     /// Weights of the free parameter sets in this slice's parameters.
     pub corners: Vec<(usize, f64)>,
-    /// Lobes of the fit.
+    /// Kind of the lobes that are fitted.
     pub lobes: SliceLobes,
 }
 
 impl Target {
-    /// A target whose `weight` counts the noise of a perfect fit equally: 1 / norm^2, lowered by the share of
-    /// noise in the norm.
+    /// A target whose `weight` gives the noise of a perfect fit equal influence: 1 / norm^2, reduced by the
+    /// fraction of noise in the norm.
     pub fn new(sphere: &SphereGrid, values: &[f32], energy: f64, noise: f64, corners: Vec<(usize, f64)>) -> Self {
         let slice = sphere.pad(values, 1.0);
         let norm2 = sphere.inner(&slice, &slice);
@@ -44,7 +44,7 @@ impl Target {
         Target { slice, energy, weight, corners, lobes: SliceLobes::Round }
     }
 
-    /// The same target for these lobes.
+    /// The same target for another kind of lobes.
     pub fn with(self, lobes: SliceLobes) -> Self {
         Target { lobes, ..self }
     }
@@ -64,16 +64,16 @@ impl Target {
     }
 }
 
-/// The grid halved in each direction, if possible and useful.
+/// The grid halved in each direction; `None` if that is impossible or useless.
 pub(crate) fn coarse_grid(sphere: &SphereGrid) -> Option<SphereGrid> {
     let g = sphere.grid();
     let even = g.theta_o.is_multiple_of(2) && g.phi_o.is_multiple_of(2);
     (even && g.theta_o >= 60)
-        .then(|| SphereGrid::new(plywave::table::OutgoingGrid { theta_o: g.theta_o / 2, phi_o: g.phi_o / 2 }))
+        .then(|| SphereGrid::new(plywave_tables::table::OutgoingGrid { theta_o: g.theta_o / 2, phi_o: g.phi_o / 2 }))
 }
 
-/// Sum over targets of the weighted squared distance of the energy-scaled mixture, and its gradient by the
-/// free parameter sets `x[set][lobe][6]`.
+/// Sum over targets of the weighted squared distance of the energy-scaled mixture, and its gradient with
+/// respect to the free parameter sets `x[set][lobe][6]`.
 pub(crate) fn joint_cost(
     sphere: &SphereGrid,
     targets: &[Target],
@@ -93,7 +93,8 @@ pub(crate) fn joint_cost(
         cost +=
             target.weight * sphere.cost_gradient_of(target.lobes, &target.slice, &params, gain, &mut local, scratch);
         if sum > 1e-12 {
-            // gain = energy / sum of lobe energies: a change of one energy changes the share of all others.
+            // gain = energy / sum of lobe energies, so a change of one energy changes the contributions of
+            // all others.
             let mean =
                 params.chunks_exact(PARAMS).zip(local.chunks_exact(PARAMS)).map(|(p, d)| p[5] * d[5]).sum::<f64>()
                     / sum;
@@ -134,17 +135,18 @@ pub(crate) fn blend(x: &[f64], corners: &[(usize, f64)], params: &mut [f64]) {
 /// Effort of a block fit.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BlockEffort {
-    /// Starts tried on the coarse grid.
+    /// Number of starts tried on the coarse grid.
     pub starts: usize,
-    /// Iterations of each start.
+    /// Number of iterations of each start.
     pub start_iterations: usize,
-    /// Tries to move a little used lobe to missing light of the best start, each refitted on the coarse grid.
+    /// Number of attempts to move a little used lobe of the best start to light that the mixture misses, each
+    /// refitted on the coarse grid.
     pub moves: usize,
-    /// Iterations of each such refit.
+    /// Number of iterations of each such refit.
     pub move_iterations: usize,
-    /// Iterations of the best start on the full grid.
+    /// Number of iterations of the best start on the full grid.
     pub iterations: usize,
-    /// Stop when ten iterations together gain less than this fraction.
+    /// Relative gain over ten iterations below which the fit stops.
     pub tolerance: f64,
 }
 
@@ -156,7 +158,7 @@ pub(crate) struct BlockFit {
     pub evaluations: usize,
 }
 
-/// Bounds of every parameter: axis within half a turn of the start, bandwidths within the lobe's range,
+/// Bounds of all parameters: axes within half a turn of the start, bandwidths within the lobe's range,
 /// energies up to `top`.
 pub(crate) fn bounds(family: LobeKind, start: &[f64], top: f64) -> (Vec<f64>, Vec<f64>) {
     let mut lower = Vec::with_capacity(start.len());
@@ -184,7 +186,7 @@ pub(crate) fn fit_joint(
     let total: f64 = targets.iter().filter(|t| t.weight > 0.0).map(|t| t.energy).sum();
     let scale = targets.iter().map(|t| t.energy).fold(0.0, f64::max);
     let size = lobes * PARAMS;
-    // Lobe energies are fitted relative to the largest slice energy, so that all parameters are of order one.
+    // Lobe energies are fitted relative to the largest slice energy, which makes all parameters of order one.
     let unit = |start: &mut [f64], by: f64| start.chunks_exact_mut(PARAMS).for_each(|p| p[5] *= by);
     let coarse_targets: Option<Vec<Target>> = coarse.map(|c| targets.iter().map(|t| t.coarsen(sphere, c)).collect());
     let (rough, rough_targets): (&SphereGrid, &[Target]) = match (coarse, &coarse_targets) {
@@ -263,7 +265,7 @@ fn row(sphere: &SphereGrid) -> f64 {
     PI / sphere.grid().theta_o as f64
 }
 
-/// Mean rings of the targets' light, each target of energy 1.
+/// Mean rings of the targets' light, each target normalized to energy 1.
 fn mean_rings(sphere: &SphereGrid, targets: &[Target]) -> Vec<[f64; 3]> {
     let mut sum = vec![[0.0; 3]; sphere.grid().phi_o];
     for target in targets.iter().filter(|t| t.weight > 0.0) {
@@ -281,7 +283,7 @@ fn add_rings(sum: &mut [[f64; 3]], sphere: &SphereGrid, slice: &PaddedSlice, lob
     }
 }
 
-/// Factor that brings the free common scale of the lobe energies to the table's unit, with no lobe above 1.
+/// Factor that converts the free common scale of the lobe energies to the table's unit, with no lobe above 1.
 fn energy_factor(targets: &[Target], x: &[f64], sets: usize, lobes: usize) -> f64 {
     let mut params = vec![0.0; lobes * PARAMS];
     let (mut want, mut have) = (0.0, 0.0);
@@ -294,11 +296,11 @@ fn energy_factor(targets: &[Target], x: &[f64], sets: usize, lobes: usize) -> f6
     if have > 0.0 && top > 0.0 { (want / have).min(1.0 / top) } else { 1.0 }
 }
 
-/// Clusters among which the missing light is divided.
+/// Number of clusters into which missing light is divided.
 const MISSING: usize = 6;
 
-/// `x` with one of its least used lobes moved to light that the mixture misses. `round` picks the lobe and
-/// the cluster.
+/// Returns `x` with one of its least used lobes moved to light that the mixture misses. `round` selects the
+/// lobe and the cluster.
 fn relocate(sphere: &SphereGrid, targets: &[Target], x: &[f64], lobes: usize, round: usize) -> Vec<f64> {
     let size = lobes * PARAMS;
     let mut scratch = Scratch::default();
@@ -322,7 +324,7 @@ fn relocate(sphere: &SphereGrid, targets: &[Target], x: &[f64], lobes: usize, ro
         }
         count += 1.0;
         for (used, p) in used.iter_mut().zip(params.chunks_exact(PARAMS)) {
-            // Squared norm of the lobe, by its peak times its energy.
+            // The measure of use is the squared norm of the lobe: its peak times its energy.
             *used += (p[5] / sum.max(1e-12)).powi(2) * (0.5 * (p[3] + p[4])).exp();
         }
     }
@@ -348,10 +350,10 @@ fn relocate(sphere: &SphereGrid, targets: &[Target], x: &[f64], lobes: usize, ro
 }
 
 /// Starting energy of parameter set `set`: the fourth root of its own slice's energy (the corner's; else the
-/// mean of all) in units of `scale`. Where the beam leaves the ply the energies of the corners differ a
-/// thousandfold, and with the energies themselves the dim corner would have no effect on the slices between
-/// and hardly any gradient. At the rim blocks of polyester, measured errors are 0.45 with the first power,
-/// 0.07 with the square root and the fourth root. Only ratios between corners count.
+/// mean of all), in units of `scale`. Where the beam leaves the ply, the energies of the corners differ by a
+/// factor of a thousand. With the energies themselves, the dim corner would have no effect on the slices in
+/// between and hardly any gradient. At the rim blocks of polyester, measured errors are 0.45 with the first
+/// power, and 0.07 with the square root and the fourth root. Only ratios between corners matter.
 fn set_energy(targets: &[Target], set: usize, scale: f64) -> f64 {
     let own = targets.iter().find(|t| t.corners == [(set, 1.0)]).map(|t| t.energy);
     let energy = own.unwrap_or_else(|| targets.iter().map(|t| t.energy).sum::<f64>() / targets.len() as f64);

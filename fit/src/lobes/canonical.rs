@@ -1,5 +1,5 @@
-//! One canonical form for parameters that describe the same mixture: mu1 and mu2 may swap with a turn of
-//! phi_xy, phi_z and phi_xy are periodic, and lobes may be listed in any order.
+//! Canonical form of parameters that describe the same mixture: mu1 and mu2 may be swapped together with a
+//! turn of phi_xy, phi_z and phi_xy are periodic, and lobes may be listed in any order.
 
 use plywave::ply::asg::{Lobe, PARAMS};
 use plywave::ply::{LobeKind, PlyData};
@@ -11,8 +11,7 @@ pub fn canonical(lobe: Lobe) -> Lobe {
     let wrapped = (l.theta_z + PI).rem_euclid(TAU) - PI;
     l.theta_z = wrapped;
     if wrapped.abs() > FRAC_PI_2 {
-        // Over the pole, the axis is at pi - theta on the other side, where the unturned frame is turned by
-        // pi.
+        // Beyond the pole, the axis lies at pi - theta on the other side, where the frame is rotated by pi.
         l.theta_z = PI.copysign(wrapped) - wrapped;
         l.phi_z += PI;
     }
@@ -25,15 +24,15 @@ pub fn canonical(lobe: Lobe) -> Lobe {
     l
 }
 
-/// Canonical lobes, the most energetic first.
+/// Canonical lobes in order of decreasing energy.
 pub fn canonical_order(lobes: &[Lobe]) -> Vec<Lobe> {
     let mut out: Vec<Lobe> = lobes.iter().map(|l| canonical(*l)).collect();
     out.sort_by(|a, b| b.energy.total_cmp(&a.energy));
     out
 }
 
-/// The representation of `lobe` nearest to `reference`, among turns of phi_z by 2 pi and of phi_xy by pi, and
-/// the swap of mu1, mu2.
+/// The representation of `lobe` nearest to `reference`, over turns of phi_z by 2 pi, turns of phi_xy by pi,
+/// and the swap of mu1 and mu2.
 pub fn nearest_representation(lobe: Lobe, reference: Lobe) -> Lobe {
     let near = |x: f64, to: f64, period: f64| x + period * ((to - x) / period).round();
     let turn = |mut l: Lobe| {
@@ -51,7 +50,7 @@ pub fn nearest_representation(lobe: Lobe, reference: Lobe) -> Lobe {
     if distance(&swapped) < distance(&plain) { swapped } else { plain }
 }
 
-/// Brings the lobes of a model to canonical form without a change of its values. Parameter sets that are
+/// Converts the lobes of a model to canonical form without changing its values. Parameter sets that are
 /// interpolated with each other (all nodes of f_refl; the four corners of a block) are turned, swapped and
 /// ordered together.
 pub fn canonicalize(data: &mut PlyData) {
@@ -65,8 +64,8 @@ pub fn canonicalize(data: &mut PlyData) {
     }
 }
 
-/// Canonical form of `params[sets][lobes][6]` and the data of each lobe, `extra[sets][lobes][stride]`. Round
-/// lobes turn about their axes (`turns`), cones do not.
+/// Canonical form of `params[sets][lobes][6]` and of the data of each lobe, `extra[sets][lobes][stride]`.
+/// Round lobes may turn about their axes (`turns`), cones may not.
 fn canonical_sets(params: &mut [f64], lobes: usize, extra: &mut [f64], stride: usize, turns: bool) {
     let sets = params.len() / (lobes * PARAMS).max(1);
     if sets == 0 {
@@ -78,7 +77,7 @@ fn canonical_sets(params: &mut [f64], lobes: usize, extra: &mut [f64], stride: u
     let swap: Vec<bool> = (0..lobes).map(|l| turns && total(3, l) > total(4, l)).collect();
     let (old, old_extra) = (params.to_vec(), extra.to_vec());
     for (to, &(_, from)) in order.iter().enumerate() {
-        // One turn for all sets brings their mean to the canonical range.
+        // One turn for all sets moves their mean into the canonical range.
         let count = sets as f64;
         let quarter = if swap[from] { FRAC_PI_2 } else { 0.0 };
         let mean = |k: usize| (0..sets).map(|s| old[(s * lobes + from) * PARAMS + k]).sum::<f64>() / count;

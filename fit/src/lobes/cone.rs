@@ -1,15 +1,15 @@
 //! Mixtures of cone lobes ([`plywave::ply::cone`]) on a latitude-longitude grid: weighted squared distance to
 //! a slice, its gradient, and starts.
 //!
-//! Both profiles of a lobe have closed integrals, so bins are compared by their means, not at their centers.
-//! Along s the mean over a row is a difference of erf, and so is that over a column along phi (the tilt of s0
-//! within a column is neglected). A ring far narrower than a row is then one row of light, as in a table, and
-//! only its distance from the row's edges matters to the fit.
+//! Both profiles of a lobe have closed integrals, so bins are compared by their means and not at their
+//! centers. The mean over a row along s is a difference of erf, and so is the mean over a column along phi
+//! (the tilt of s0 within a column is neglected). A ring far narrower than a row then becomes one row of
+//! light, as in a table, and only its distance from the row's edges matters to the fit.
 //!
-//! Where rings lie on an edge, as at every second node of a standard table, rounding puts all of a ring of
-//! zero width into one of the two rows: a lobe must move off the edge by two of its own widths to follow, a
-//! tenth of a degree for the narrowest. The position of a ring within a row is undetermined, so a weak pull
-//! keeps it at the cone.
+//! Where rings lie on an edge, as at every second node of a standard table, rounding puts all light of a ring
+//! of zero width into one of the two rows. To follow it, a lobe must move off the edge by two of its own
+//! widths, which is a tenth of a degree for the narrowest lobe. The position of a ring within a row is
+//! undetermined, so a weak pull keeps the lobe at the cone.
 
 use crate::lobes::sphere::{PaddedSlice, SphereGrid};
 use plywave::math::hash::SplitMix64;
@@ -18,13 +18,13 @@ use plywave::ply::asg::PARAMS;
 use plywave::ply::cone::{CONE_MU_MIN, CONE_MU1_MAX, CONE_MU2_MAX, GRAZING};
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
-/// The lobes of a slice: round ones, or cones of this incident latitude.
+/// Kind of the lobes of a slice: round ones, or cones for this incident latitude.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum SliceLobes {
     /// Anisotropic spherical Gaussians.
     #[default]
     Round,
-    /// Cones of light incident at `theta_i` [rad].
+    /// Cones for light incident at `theta_i` [rad].
     Cone {
         /// Incident latitude [rad].
         theta_i: f64,
@@ -32,7 +32,7 @@ pub enum SliceLobes {
 }
 
 impl SliceLobes {
-    /// Lobes of a family at an incident latitude [rad].
+    /// Lobes of a kind at an incident latitude [rad].
     pub fn new(family: LobeKind, theta_i: f64) -> SliceLobes {
         match family {
             LobeKind::Round => SliceLobes::Round,
@@ -40,7 +40,7 @@ impl SliceLobes {
         }
     }
 
-    /// The family.
+    /// Kind of the lobes.
     pub fn family(self) -> LobeKind {
         match self {
             SliceLobes::Round => LobeKind::Round,
@@ -49,12 +49,13 @@ impl SliceLobes {
     }
 }
 
-/// Bounds of the parameters of a lobe about `start`: axis within half a turn of it, energies up to `top`.
+/// Bounds of the parameters of a lobe about `start`: axis within half a turn of the start, energies up to
+/// `top`.
 pub(crate) fn bounds(family: LobeKind, start: &[f64], top: f64) -> ([f64; PARAMS], [f64; PARAMS]) {
     let [(low1, high1), (low2, high2)] = family.bandwidths().map(|(low, high)| (low.ln(), high.ln()));
     let (latitude, turn) = match family {
         LobeKind::Round => (FRAC_PI_2, (start[2] - PI, start[2] + PI)),
-        // Range of the cones of the steepest fibers.
+        // Range that includes the cones of the steepest fibers.
         LobeKind::Cone => (2.0, (-3.0, 3.0)),
     };
     ([-latitude, start[1] - PI, turn.0, low1, low2, 0.0], [latitude, start[1] + PI, turn.1, high1, high2, top])
@@ -62,7 +63,7 @@ pub(crate) fn bounds(family: LobeKind, start: &[f64], top: f64) -> ([f64; PARAMS
 
 /// |x| beyond which erf counts as 1: 1 - erf is 1.5e-8.
 const FAR: f64 = 4.0;
-/// Strength and reach [rad] of the pull to the cone. The strength is the largest addition to the squared
+/// Strength and range [rad] of the pull to the cone. The strength is the largest addition to the squared
 /// relative error of a slice.
 const PULL: f64 = 2e-5;
 const REACH: f64 = 0.03;
@@ -72,27 +73,27 @@ fn erf_exp(x: f64) -> (f64, f64) {
     if x.abs() >= FAR { (1f64.copysign(x), 0.0) } else { (libm::erf(x), (-x * x).exp()) }
 }
 
-/// One lobe on a column of the grid.
+/// A lobe on one column of the grid.
 struct Column {
-    /// Mean of N over the column, its derivatives by ln mu1 and by phi_z.
+    /// Mean of N over the column, and its derivatives with respect to ln mu1 and phi_z.
     n: f64,
     by_ln_mu1: f64,
     by_phi: f64,
-    /// Derivative of s0 by x, and 1 where s0 is free, 0 where it is clamped to [-1, 1].
+    /// Derivative of s0 with respect to x, and 1 if s0 is free, 0 if it is clamped to [-1, 1].
     by_x: f64,
     sin_x: f64,
     free: f64,
-    /// The sum of erf at the ends of [-1, 1], its derivatives by s0 and by ln t.
+    /// The sum of erf at the ends of [-1, 1], and its derivatives with respect to s0 and ln t.
     all: f64,
     all_by_s0: f64,
     all_by_ln_t: f64,
-    /// First row with light and the one beyond the last.
+    /// First row with light, and the row after the last one.
     rows: (usize, usize),
     /// Index of the means over these rows.
     at: usize,
 }
 
-/// Mean of M over a row, its derivatives by s0 and ln mu2, all over the sum of erf.
+/// Mean of M over a row, and its derivatives with respect to s0 and ln mu2, all divided by the sum of erf.
 type RowMean = [f64; 3];
 
 struct LobeOnGrid {
@@ -184,7 +185,8 @@ impl LobeOnGrid {
         }
     }
 
-    /// Derivatives by the parameters of a cost whose derivatives by the bins are `by_bin`.
+    /// Derivatives with respect to the parameters of a cost whose derivatives with respect to the bins are
+    /// `by_bin`.
     fn chain(&self, by_bin: &[f32], padded: usize, gradient: &mut [f64]) {
         for (j, column) in self.columns.iter().enumerate() {
             let mut sums = [0.0; 3];
@@ -197,19 +199,19 @@ impl LobeOnGrid {
             let [value, by_s0, by_ln_t] = sums;
             let by_s0 = by_s0 - value / column.all * column.all_by_s0;
             let by_ln_t = by_ln_t - value / column.all * column.all_by_ln_t;
-            let lit = self.energy * column.n;
-            gradient[0] += lit * by_s0 * column.free * self.g;
-            gradient[1] += self.energy * column.by_phi * value - lit * by_s0 * column.by_x;
-            gradient[2] += lit * by_s0 * column.free * self.g * column.sin_x;
+            let lobe_energy = self.energy * column.n;
+            gradient[0] += lobe_energy * by_s0 * column.free * self.g;
+            gradient[1] += self.energy * column.by_phi * value - lobe_energy * by_s0 * column.by_x;
+            gradient[2] += lobe_energy * by_s0 * column.free * self.g * column.sin_x;
             gradient[3] += self.energy * column.by_ln_mu1 * value;
-            gradient[4] += lit * by_ln_t;
+            gradient[4] += lobe_energy * by_ln_t;
             gradient[5] += column.n * value;
         }
     }
 }
 
 impl SphereGrid {
-    /// [`SphereGrid::mixture`] for either family; for cones, the means over the bins.
+    /// [`SphereGrid::mixture`] for either kind of lobes; cones are averaged over the bins.
     pub fn mixture_of(
         &self,
         lobes: SliceLobes,
@@ -223,7 +225,7 @@ impl SphereGrid {
         }
     }
 
-    /// [`SphereGrid::cost_gradient`] for either family.
+    /// [`SphereGrid::cost_gradient`] for either kind of lobes.
     pub fn cost_gradient_of(
         &self,
         lobes: SliceLobes,
@@ -258,7 +260,7 @@ impl SphereGrid {
     }
 }
 
-/// Cost of the pull to the cone for a lobe's offset and slope, and its derivatives by them.
+/// Cost of the pull to the cone for a lobe's offset and slope, and its derivatives with respect to them.
 pub(crate) fn pull(p: &[f64]) -> (f64, [f64; 2]) {
     let (mut cost, mut by) = (0.0, [0.0; 2]);
     for (by, x) in by.iter_mut().zip([p[0] / REACH, p[2] / REACH]) {
@@ -269,10 +271,10 @@ pub(crate) fn pull(p: &[f64]) -> (f64, [f64; 2]) {
     (cost, by)
 }
 
-/// Energy, mean latitude from the cone and its mean square, of the light in a column of the azimuth.
+/// Light in an azimuth column: energy, mean latitude relative to the cone, and its mean square.
 type Ring = [f64; 3];
 
-/// Rings by column of light `[theta_o][phi_o]`, not below 0, incident at `theta_i`.
+/// Rings, by column, of light `[theta_o][phi_o]` incident at `theta_i`; negative values count as 0.
 pub(crate) fn rings(sphere: &SphereGrid, values: &PaddedSlice, theta_i: f64) -> Vec<Ring> {
     let grid = sphere.grid();
     let (g, values) = (theta_i.cos().max(GRAZING), sphere.unpad(values));
@@ -287,8 +289,8 @@ pub(crate) fn rings(sphere: &SphereGrid, values: &PaddedSlice, theta_i: f64) -> 
     rings
 }
 
-/// `count` cone lobes whose energies add up to that of the rings: k-means of the azimuth, then each cluster's
-/// moments. `row` is the height of a row [rad].
+/// Returns `count` cone lobes whose energies add up to that of the rings: k-means of the azimuth, then the
+/// moments of each cluster. `row` is the height of a row [rad].
 pub(crate) fn ring_lobes(rings: &[Ring], count: usize, row: f64, seed: u64) -> Vec<[f64; PARAMS]> {
     let columns = rings.len();
     let step = TAU / columns as f64;
@@ -307,10 +309,10 @@ pub(crate) fn ring_lobes(rings: &[Ring], count: usize, row: f64, seed: u64) -> V
     let mut nearest = vec![PI; columns];
     for _ in 0..count {
         let weight = |j: usize, nearest: &[f64]| rings[j][0] * nearest[j] * nearest[j];
-        let mut left = stream.next_f64() * (0..columns).map(|j| weight(j, &nearest)).sum::<f64>();
+        let mut remaining = stream.next_f64() * (0..columns).map(|j| weight(j, &nearest)).sum::<f64>();
         let pick = (0..columns).find(|j| {
-            left -= weight(*j, &nearest);
-            left < 0.0
+            remaining -= weight(*j, &nearest);
+            remaining < 0.0
         });
         let center = phi(pick.unwrap_or(columns - 1));
         centers.push(center);
@@ -345,7 +347,7 @@ fn cluster(
     row: f64,
 ) -> [f64; PARAMS] {
     let step = TAU / rings.len() as f64;
-    // Energy, x^2, latitude, latitude^2, sin x, sin^2 x, latitude sin x.
+    // Weighted sums of 1, x^2, latitude, latitude^2, sin x, sin^2 x, and latitude sin x.
     let mut m = [0.0; 7];
     for (j, ring) in rings.iter().enumerate().filter(|(j, _)| label[*j] == c) {
         let x = apart((j as f64 + 0.5) * step, center);
@@ -362,11 +364,12 @@ fn cluster(
     let spread = m[5] - m[4] * m[4];
     let slope = if spread > 1e-6 { ((m[6] - m[4] * m[2]) / spread).clamp(-1.0, 1.0) } else { 0.0 };
     let offset = (m[2] - slope * m[4]).clamp(-1.5, 1.5);
-    // Subtract the variance due to the rows' height; a ring within half a row of the cone counts as on it.
+    // The variance due to the rows' height is subtracted; a ring within half a row of the cone counts as on
+    // the cone.
     let variance = (m[3] - m[2] * m[2] - slope * slope * spread - row * row / 12.0).max((0.2 * row).powi(2));
     let on_cone = |x: f64| if x.abs() < 0.75 * row { 0.0 } else { x };
     let ln_mu2 = (0.5 / variance).clamp(CONE_MU_MIN, CONE_MU2_MAX).ln();
-    // A cluster's own variance leaves gaps between the clusters.
+    // With the variance of a cluster alone, the lobes would leave gaps between clusters.
     let ln_mu1 = (0.3 / m[1].max(step * step / 12.0)).clamp(CONE_MU_MIN, CONE_MU1_MAX).ln();
     [on_cone(offset), center, on_cone(slope), ln_mu1, ln_mu2, energy]
 }
@@ -376,7 +379,7 @@ mod tests {
     use super::*;
     use crate::lobes::sphere::Scratch;
     use plywave::ply::cone::ConeLobe;
-    use plywave::table::OutgoingGrid;
+    use plywave_tables::table::OutgoingGrid;
 
     fn lobes() -> Vec<f64> {
         [
@@ -419,9 +422,10 @@ mod tests {
                     worst = worst.max((got - want).abs());
                 }
             }
-            // The tilt within a column is neglected.
+            // The tolerance covers the neglected tilt within a column.
             assert!(worst < 0.02 * peak, "{theta_i}: off by {worst}, peak {peak}");
-            // The column of a lobe's antipode is cut at its edges, not at the antipode.
+            // The column of a lobe's antipode is cut at its edges instead of at the antipode, which costs
+            // some energy.
             assert!((sum - 0.8).abs() < 5e-5, "energy {sum}");
         }
     }

@@ -1,9 +1,9 @@
-//! Joint refinement of a block at all absorptions: lobes fitted at sigma = 0 alone do not fit the light after
-//! absorption.
+//! Refines a block jointly at all absorptions, because lobes fitted at sigma = 0 alone do not describe the
+//! light after absorption.
 //!
-//! Absorption removes long paths first, and long and short paths leave in different directions. Given the
-//! lobes of sigma = 0 and their spectra, both are refined together on the slices of all sigma, where sigma =
-//! 0 keeps the larger part of the weight.
+//! Absorption removes long paths first, and long and short paths leave in different directions. Starting from
+//! the lobes at sigma = 0 and their spectra, both are refined together on the slices of all sigma, with the
+//! larger part of the weight at sigma = 0.
 
 use crate::lobes::absorption::normalized;
 use crate::lobes::block::{Target, bounds};
@@ -12,8 +12,8 @@ use crate::lobes::sphere::{Scratch, SphereGrid};
 use crate::optimize::minimize::{MinimizeOptions, minimize_bounded};
 use plywave::ply::asg::PARAMS;
 
-/// Slices of one incidence at all sigma, `targets[k]`; `Target::energy` is the energy that the evaluator
-/// scales to.
+/// Slices of one incidence at all sigma, `targets[k]`; `Target::energy` is the energy to which the evaluator
+/// scales.
 pub(crate) struct DarkSlices {
     pub targets: Vec<Target>,
     /// Parameter sets of this incidence and their weights.
@@ -21,7 +21,7 @@ pub(crate) struct DarkSlices {
 }
 
 /// Refines `params[sets][lobes][6]` and `spectra[sets][lobes][J]` in place. `share` is the weight of a slice
-/// at sigma > 0 against that of sigma = 0.
+/// at sigma > 0 relative to one at sigma = 0.
 pub(crate) fn refine(
     sphere: &SphereGrid,
     slices: &[DarkSlices],
@@ -135,7 +135,7 @@ fn cost_gradient(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use plywave::table::OutgoingGrid;
+    use plywave_tables::table::OutgoingGrid;
 
     #[test]
     fn gradient_matches_differences() {

@@ -1,4 +1,4 @@
-//! Starting lobes for a slice: weighted spherical k-means, then each cluster's covariance in the tangent
+//! Initial lobes for a slice: weighted spherical k-means, then the covariance of each cluster in the tangent
 //! plane of its axis.
 
 use crate::lobes::sphere::{PaddedSlice, SphereGrid};
@@ -6,8 +6,8 @@ use plywave::math::hash::SplitMix64;
 use plywave::math::vec3::dot;
 use plywave::ply::asg::{Lobe, MU_MAX, MU_MIN};
 
-/// `count` lobes whose energies add up to the slice's integral. `seed` picks the k-means++ start; equal seeds
-/// give equal lobes. An empty slice gives equal broad lobes of zero energy.
+/// Returns `count` lobes whose energies add up to the slice's integral. `seed` selects the k-means++ start;
+/// equal seeds give equal lobes. An empty slice gives equal broad lobes of zero energy.
 pub fn kmeans_lobes(sphere: &SphereGrid, slice: &PaddedSlice, count: usize, seed: u64) -> Vec<Lobe> {
     let grid = sphere.grid();
     let values = sphere.unpad(slice);
@@ -29,10 +29,10 @@ pub fn kmeans_lobes(sphere: &SphereGrid, slice: &PaddedSlice, count: usize, seed
     }
     let mut stream = SplitMix64(seed);
     let mut pick = |weights: &[f64]| {
-        let mut left = stream.next_f64() * weights.iter().sum::<f64>();
+        let mut remaining = stream.next_f64() * weights.iter().sum::<f64>();
         weights.iter().position(|w| {
-            left -= w;
-            left < 0.0
+            remaining -= w;
+            remaining < 0.0
         })
     };
     let mut centers: Vec<[f64; 3]> = Vec::with_capacity(count);

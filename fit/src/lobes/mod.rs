@@ -1,5 +1,5 @@
 //! Mixtures of lobes: evaluation on the outgoing grid, fits to slices of f_high and f_refl, canonical form,
-//! and a model's lobes at an incidence.
+//! and the lobes of a model at an incidence.
 
 pub(crate) mod absorption;
 pub(crate) mod block;

@@ -1,5 +1,5 @@
-//! Lobes of a ply model at one incidence, in f64 and directly from the tensors: an implementation separate
-//! from the runtime's, for errors and comparisons.
+//! Lobes of a ply model at one incidence, in f64 and directly from the tensors: an implementation independent
+//! of the runtime's, for errors and comparisons.
 
 use crate::lobes::cone::SliceLobes;
 use crate::lobes::sphere::{PaddedSlice, Scratch, SphereGrid};
@@ -7,19 +7,19 @@ use plywave::math::axis;
 use plywave::ply::asg::PARAMS;
 use plywave::ply::{EnergiesAt, PlyData};
 
-/// Lobes `[lobes][6]` and the energy their sum is scaled to.
+/// Lobes `[lobes][6]` and the energy to which their sum is scaled.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ScaledLobes {
     /// Parameters of the lobes, energies before scaling.
     pub params: Vec<f64>,
-    /// Energy that the sum of the lobes is scaled to.
+    /// Energy to which the sum of the lobes is scaled.
     pub energy: f64,
     /// Kind of the lobes.
     pub lobes: SliceLobes,
 }
 
 impl ScaledLobes {
-    /// Factor that brings the sum of the lobe energies to `energy`; 0 when there are none.
+    /// Factor that scales the sum of the lobe energies to `energy`; 0 without lobe energy.
     pub fn gain(&self) -> f64 {
         let sum: f64 = self.params.chunks_exact(PARAMS).map(|p| p[5]).sum();
         if sum > 1e-14 { self.energy / sum } else { 0.0 }
@@ -31,7 +31,7 @@ pub(crate) fn evaluate(sphere: &SphereGrid, lobes: &ScaledLobes, scratch: &mut S
     sphere.mixture_of(lobes.lobes, &lobes.params, lobes.gain(), scratch)
 }
 
-/// A query between nodes: lower index and fraction along each axis.
+/// Position of a query between nodes: lower index and fraction along each axis.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct GridCell {
     /// Lower node of theta_i, at most M - 2.
@@ -71,8 +71,8 @@ pub fn refl_lobes(data: &PlyData, at: GridCell) -> ScaledLobes {
     ScaledLobes { params, energy: energies(data, at).refl, lobes: lobes_at(data, at) }
 }
 
-/// Nodes and Catmull-Rom weights at fraction `t` beyond node `k` of `count`; a node beyond the rim is
-/// `2 rim - next`.
+/// Nodes and Catmull-Rom weights at fraction `t` beyond node `k` of `count`; a node beyond the rim has the
+/// value `2 rim - next`.
 fn node_weights(k: usize, t: f64, count: usize) -> [(usize, f64); 4] {
     let (t2, t3) = (t * t, t * t * t);
     let mut w = [
@@ -114,7 +114,7 @@ pub fn energy_high(data: &PlyData, at: GridCell, sigma_per_um: f64) -> f64 {
     energies(data, at).high_at(sigma_per_um, &data.path_um)
 }
 
-/// High-order lobes at a query and sigma [1/um], by the block that contains the query.
+/// High-order lobes at a query and sigma [1/um], from the block that contains the query.
 pub fn high_lobes(data: &PlyData, at: GridCell, sigma_per_um: f64) -> ScaledLobes {
     let s = ((at.m % 2) as f64 + at.s) / 2.0;
     let t = ((at.n % 2) as f64 + at.t) / 2.0;

@@ -3,9 +3,9 @@
 //!
 //! Nodes are fitted outwards from one in the middle, each started from its fitted neighbors, so that a lobe
 //! keeps its identity and its representation (the swap of mu1 and mu2, the turns of phi_z and phi_xy).
-//! Further rounds refit all nodes of one color of a checkerboard while the others stay fixed. A weak pull to
-//! the mean of the neighbors on either side has no effect on a linear course in theta_i and h; it determines
-//! slices without light.
+//! Further rounds refit all nodes of one color of a checkerboard while the others stay fixed. A weak pull
+//! toward the mean of the neighbors on either side has no effect on parameters that are linear in theta_i and
+//! h; it determines the lobes of slices without light.
 
 use crate::lobes::block::{BlockEffort, Target, bounds, fit_joint, joint_cost};
 use crate::lobes::cone;
@@ -18,20 +18,20 @@ use rayon::prelude::*;
 /// Effort and smoothness of the reflection fit.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ReflectionEffort {
-    /// k-means starts at the first node.
+    /// Number of k-means starts at the first node.
     pub starts: usize,
-    /// Iterations of a node's fit.
+    /// Number of iterations of a node's fit.
     pub iterations: usize,
-    /// Rounds over all nodes after the first sweep.
+    /// Number of rounds over all nodes after the first sweep.
     pub rounds: usize,
-    /// Pull to the neighbors: added cost (relative squared error) for a deviation of one radian, one e-fold
-    /// of bandwidth, or the whole energy.
+    /// Strength of the pull to the neighbors: the added cost (relative squared error) for a deviation of one
+    /// radian, one e-fold of bandwidth, or the whole energy.
     pub smoothness: f64,
-    /// Stop when ten iterations together gain less than this fraction.
+    /// Relative gain over ten iterations below which a node's fit stops.
     pub tolerance: f64,
 }
 
-/// The grid of incidences.
+/// Numbers of latitudes and offsets of the grid of incidences.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Nodes {
     pub(crate) m: usize,
@@ -51,8 +51,8 @@ impl Nodes {
     }
 }
 
-/// Fits `lobes` lobes at each of `m * n` nodes. Returns `[m][n][lobes][6]`, the lobe
-/// energies as shares that add up to 1 at each node.
+/// Fits `lobes` lobes at each of `m * n` nodes. Returns `[m][n][lobes][6]`, with the lobe energies as
+/// fractions that add up to 1 at each node.
 pub(crate) fn fit_reflection(
     sphere: &SphereGrid,
     coarse: Option<&SphereGrid>,
@@ -65,8 +65,8 @@ pub(crate) fn fit_reflection(
     let size = lobes * PARAMS;
     let nodes = Nodes { m, n };
     let family = targets.first().map_or(LobeKind::Round, |t| t.lobes.family());
-    // The middle of h at a third of the latitudes has light in every yarn; the brightest slice would change
-    // with noise.
+    // The center of h at a third of the latitudes has light in every yarn; the choice of the brightest slice
+    // would depend on noise.
     let first = (m / 3) * n + n / 2;
     let start_effort = BlockEffort {
         starts: effort.starts,
@@ -132,14 +132,14 @@ pub(crate) fn fit_reflection(
             }
         }
     }
-    // Shares, not energies: where the beam leaves the ply, energies fall a hundredfold from node to node.
-    // Their cubic interpolation falls below zero, and the last lobe to do so would dominate the mixture
-    // between. Measured on polyester at held-out nodes (every other one): errors of 0.42 rms between the
-    // nodes in h with energies, 0.12 with shares.
+    // Energies are stored as fractions. Where the beam leaves the ply, energies fall by a factor of a hundred
+    // from node to node; their cubic interpolation becomes negative, and the last lobe to do so would
+    // dominate the mixture in between. Measured on polyester at held-out nodes (every other one), the rms
+    // error between the nodes in h is 0.42 with energies and 0.12 with fractions.
     fitted.into_iter().flat_map(|p| p.unwrap_or_else(|| vec![0.0; size])).collect()
 }
 
-/// Parameters with energies as shares of their sum.
+/// Parameters with energies as fractions of their sum.
 pub(crate) fn relative(params: &[f64]) -> Vec<f64> {
     let lobes = params.len() / PARAMS;
     let sum: f64 = params.chunks_exact(PARAMS).map(|p| p[5]).sum();
@@ -149,7 +149,7 @@ pub(crate) fn relative(params: &[f64]) -> Vec<f64> {
 }
 
 /// Prior from the fitted neighbors: the mean over the axes of the midpoint of the two neighbors, or of the
-/// one neighbor.
+/// only neighbor.
 pub(crate) fn prior(nodes: Nodes, node: usize, fitted: &[Option<Vec<f64>>], size: usize, family: LobeKind) -> Vec<f64> {
     let mut sum = vec![0.0; size];
     let mut count = 0.0;
@@ -167,7 +167,7 @@ pub(crate) fn prior(nodes: Nodes, node: usize, fitted: &[Option<Vec<f64>>], size
                 add(a, 1.0);
                 count += 1.0;
                 if let Some(b) = behind {
-                    // Half of a linear extrapolation follows a drift without overshooting.
+                    // Half of a linear extrapolation follows a trend without overshooting.
                     add(a, 0.5);
                     add(b, -0.5);
                 }
@@ -203,12 +203,13 @@ fn fit_node(
         let fit = minimize_bounded(start, &lower, &upper, options, |x, g| {
             let mut cost = joint_cost(sphere, targets, x, g, &mut scratch, lobes);
             for (i, ((x, p), g)) in x.iter().zip(prior).zip(g.iter_mut()).enumerate() {
-                // Bandwidths count less: a nearly round or nearly flat lobe has a poorly determined one.
+                // Bandwidths have a lower weight, because that of a nearly round or nearly flat lobe is
+                // poorly determined.
                 let s = effort.smoothness * if matches!(i % PARAMS, 3 | 4) { 0.25 } else { 1.0 };
                 cost += s * (x - p) * (x - p);
                 *g += 2.0 * s * (x - p);
             }
-            // The energy scale is free in the objective, so the shares' sum is fixed at one.
+            // The energy scale is free in the objective, so the sum of the fractions is pulled to one.
             let excess = x.chunks_exact(PARAMS).map(|p| p[5]).sum::<f64>() - 1.0;
             g.chunks_exact_mut(PARAMS).for_each(|g| g[5] += 0.2 * excess);
             cost + 0.1 * excess * excess

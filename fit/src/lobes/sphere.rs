@@ -1,7 +1,8 @@
-//! Mixtures of ASG lobes on a latitude-longitude grid: weighted squared distance to a slice and its gradient.
+//! Mixtures of ASG lobes on a latitude-longitude grid: weighted squared distance to a slice, and its
+//! gradient.
 //!
 //! Along a row of the grid the three dot products of a lobe are `a cos phi + b sin phi + c` with constants
-//! per (lobe, row), so only the exponential has a cost. Values are f32 in lanes of 16, which the compiler
+//! per (lobe, row), so the exponential dominates the cost. Values are f32 in lanes of 16, which the compiler
 //! vectorizes for the processor; sums over a row and all parameters are f64. Bins outside a lobe's support
 //! (the half sphere v.z <= 0, and where the Gaussian factor is below e^-18) are skipped in chunks.
 //!
@@ -11,11 +12,11 @@
 
 use multiversion::{multiversion, target::target_cfg_f};
 use plywave::ply::asg::{Lobe, PARAMS, unit_energy_gradient};
-use plywave::table::OutgoingGrid;
+use plywave_tables::table::OutgoingGrid;
 
-/// Lanes of the kernels.
+/// Number of lanes of the kernels.
 const LANES: usize = 16;
-/// Exponents below minus this are taken as zero: e^-18 = 1.5e-8, an ulp of the f32 peak.
+/// Exponents below minus this value give zero: e^-18 = 1.5e-8, below an ulp of the f32 peak.
 const CUT: f64 = 18.0;
 
 /// Trigonometry and solid angles of an outgoing grid, rows padded to whole chunks of lanes.
@@ -32,13 +33,13 @@ pub struct SphereGrid {
     edges: Vec<f64>,
 }
 
-/// A slice `[theta_o][phi_o]` with its rows padded for [`SphereGrid`]'s kernels.
+/// A slice `[theta_o][phi_o]` with rows padded for the kernels of [`SphereGrid`].
 #[derive(Clone, Debug, PartialEq)]
 pub struct PaddedSlice {
     values: Vec<f32>,
 }
 
-/// Buffers of the kernels, kept between calls.
+/// Buffers of the kernels, reused between calls.
 #[derive(Clone, Debug, Default)]
 pub struct Scratch {
     rows: Vec<RowLobe>,
@@ -56,7 +57,7 @@ struct LobeAxes {
     theta_z: (f64, f64),
     phi_z: f64,
     phi_xy: f64,
-    /// Least z at which the Gaussian factor counts.
+    /// Smallest z at which the Gaussian factor is not negligible.
     z_min: f64,
     mu1: f64,
     mu2: f64,
@@ -75,10 +76,10 @@ struct RowLobe {
     z: [f32; 3],
     mu1: f32,
     mu2: f32,
-    /// Amplitude of a unit of energy.
+    /// Amplitude per unit of energy.
     amplitude: f32,
     energy: f32,
-    /// Ranges of chunks in the lobe's support.
+    /// Ranges of chunks inside the lobe's support.
     chunks: [(usize, usize); 2],
 }
 
@@ -111,13 +112,13 @@ impl SphereGrid {
         &self.edges
     }
 
-    /// Length of a row with its padding.
+    /// Length of a row including padding.
     pub(crate) fn padded(&self) -> usize {
         self.padded
     }
 
-    /// Replaces `model` by the derivatives of `integral (model - target)^2 d omega` by its bins times `gain`;
-    /// returns the integral.
+    /// Replaces `model` by the derivatives of `integral (model - target)^2 d omega` with respect to its bins,
+    /// times `gain`; returns the integral.
     pub(crate) fn residual(&self, model: &mut PaddedSlice, target: &PaddedSlice, gain: f64) -> f64 {
         let rows = model.values.chunks_exact_mut(self.padded).zip(target.values.chunks_exact(self.padded));
         rows.zip(&self.solid_angle)
@@ -128,7 +129,7 @@ impl SphereGrid {
             .sum()
     }
 
-    /// The grid of these tables.
+    /// The grid to which these tables belong.
     pub fn grid(&self) -> OutgoingGrid {
         self.grid
     }
@@ -144,7 +145,7 @@ impl SphereGrid {
         PaddedSlice { values }
     }
 
-    /// Bins `[theta_o][phi_o]` of a padded slice without the padding.
+    /// Bins `[theta_o][phi_o]` of a padded slice, without padding.
     pub fn unpad(&self, slice: &PaddedSlice) -> Vec<f32> {
         slice.values.chunks_exact(self.padded).flat_map(|row| row[..self.grid.phi_o].iter().copied()).collect()
     }
@@ -170,8 +171,8 @@ impl SphereGrid {
         &self.solid_angle
     }
 
-    /// `gain * sum of lobes` at the bin centers. `params` holds the lobes one after the other in the order of
-    /// [`Lobe`].
+    /// The mixture `gain * sum of lobes` at the bin centers. `params` contains the lobes one after the other
+    /// in the order of [`Lobe`].
     pub fn mixture(&self, params: &[f64], gain: f64, scratch: &mut Scratch) -> PaddedSlice {
         let lobes = params.len() / PARAMS;
         scratch.prepare(params, self.padded, lobes);
@@ -184,8 +185,8 @@ impl SphereGrid {
         PaddedSlice { values }
     }
 
-    /// `integral (gain * sum of lobes - target)^2 d omega`; its derivatives by the parameters of the lobes,
-    /// at fixed gain, go to `gradient` (same layout as `params`).
+    /// The cost `integral (gain * sum of lobes - target)^2 d omega`; its derivatives with respect to the
+    /// parameters of the lobes, at fixed gain, go to `gradient` (same layout as `params`).
     pub fn cost_gradient(
         &self,
         target: &PaddedSlice,
@@ -235,7 +236,7 @@ impl SphereGrid {
         }
     }
 
-    /// Chunks of a row where z > z_min, z_min^2 = 1 - CUT / min(mu): there `z = a cos(phi - phi_z) + b`.
+    /// Chunks of a row where z > z_min, with z_min^2 = 1 - CUT / min(mu) and `z = a cos(phi - phi_z) + b`.
     fn support(&self, lobe: &LobeAxes, ct: f64, st: f64, chunks: usize) -> [(usize, usize); 2] {
         let ((sz, cz), z_min) = (lobe.theta_z, lobe.z_min);
         let (a, b) = (ct * cz, st * sz);
@@ -314,10 +315,10 @@ impl LobeAxes {
         }
     }
 
-    /// Computes derivatives by the parameters from the sums over the sphere of `g e z` times 1, u^2, w^2, u
-    /// w, and of `g e u (1 + 2 mu1 z^2)`, `g e w (1 + 2 mu2 z^2)` (e: amplitude of a unit of energy times
-    /// Gaussian factor, g: derivative of the cost by the model). The last three are the lobe's response to
-    /// turning its frame about its own axes.
+    /// Computes derivatives with respect to the parameters from the sums over the sphere of `g e z` times 1,
+    /// u^2, w^2, u w, and of `g e u (1 + 2 mu1 z^2)`, `g e w (1 + 2 mu2 z^2)`, where e is the amplitude of a
+    /// unit of energy times the Gaussian factor, and g the derivative of the cost with respect to the model.
+    /// The last three sums are the lobe's response to rotations of its frame about its own axes.
     fn chain(&self, s: &[f64; 6], gradient: &mut [f64]) {
         let turn_z = self.energy * 2.0 * (self.mu2 - self.mu1) * s[3];
         let (toward_x, toward_y) = (self.energy * s[4], self.energy * s[5]);
@@ -332,7 +333,7 @@ impl LobeAxes {
     }
 }
 
-/// `a * b + c`, fused if the processor has such an instruction.
+/// `a * b + c`, fused if the processor has a fused multiply-add.
 #[inline(always)]
 fn fma<const FMA: bool>(a: f32, b: f32, c: f32) -> f32 {
     if FMA { a.mul_add(b, c) } else { a * b + c }
@@ -512,7 +513,7 @@ mod tests {
                 p[i] += by;
                 cost(&p)
             };
-            // Of fourth order, as the narrowest lobe is only twenty steps wide.
+            // The difference is of fourth order, because the narrowest lobe is only twenty steps wide.
             let want = (8.0 * (moved(step) - moved(-step)) - (moved(2.0 * step) - moved(-2.0 * step))) / (12.0 * step);
             assert!((gradient[i] - want).abs() < 2e-4 * scale, "param {i}: got {}, want {want}", gradient[i]);
         }

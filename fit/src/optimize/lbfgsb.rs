@@ -19,178 +19,17 @@
 //! variable. Not supported: general linear constraints, and scaling of the variables, which is up to the
 //! caller because only the caller knows the units.
 
+pub(crate) mod problem;
 mod run;
 
-use argmin::core::{CostFunction, Gradient, IterState, KV, Problem, Solver, State, TerminationReason};
+use argmin::core::{IterState, KV, Problem, Solver, State, TerminationReason};
 use serde::{Deserialize, Serialize};
 
+pub use problem::{CostGradient, LbfgsbError, LbfgsbOptions, LbfgsbSolution, LbfgsbStop};
 use run::{Run, projected_gradient};
 
 /// The argmin state that [`Lbfgsb`] works on.
 pub type LbfgsbState = IterState<Vec<f64>, Vec<f64>, (), (), (), f64>;
-
-/// An objective that computes cost and gradient in one evaluation.
-///
-/// Every argmin problem with `CostFunction<Param = Vec<f64>, Output = f64>` and
-/// `Gradient<Param = Vec<f64>, Gradient = Vec<f64>>` implements it by calling the two in turn.
-pub trait CostGradient {
-    /// Cost at `x`; writes the gradient to `gradient`, which has the length of `x`.
-    ///
-    /// A cost or gradient that is not finite makes the line search step back.
-    ///
-    /// # Errors
-    /// An error ends the whole minimization.
-    fn cost_gradient(&self, x: &[f64], gradient: &mut [f64]) -> Result<f64, argmin::core::Error>;
-}
-
-impl<O> CostGradient for O
-where
-    O: CostFunction<Param = Vec<f64>, Output = f64> + Gradient<Param = Vec<f64>, Gradient = Vec<f64>>,
-{
-    fn cost_gradient(&self, x: &[f64], gradient: &mut [f64]) -> Result<f64, argmin::core::Error> {
-        let x = x.to_vec();
-        let cost = self.cost(&x)?;
-        let g = self.gradient(&x)?;
-        if g.len() != gradient.len() {
-            return Err(LbfgsbError::Length { name: "gradient", len: g.len(), expected: gradient.len() }.into());
-        }
-        gradient.copy_from_slice(&g);
-        Ok(cost)
-    }
-}
-
-/// Errors that prevent a minimization from starting or continuing.
-#[derive(Debug, thiserror::Error)]
-#[non_exhaustive]
-pub enum LbfgsbError {
-    /// A vector has the wrong length.
-    #[error("L-BFGS-B: {name} has length {len}, give {expected}")]
-    Length {
-        /// Which vector.
-        name: &'static str,
-        /// Its length.
-        len: usize,
-        /// The length of x0.
-        expected: usize,
-    },
-    /// An empty or inverted interval, or a bound that is NaN or infinite on the wrong side.
-    #[error("L-BFGS-B: bounds [{lower}, {upper}] of variable {index} hold no number, give lower <= upper")]
-    Bounds {
-        /// Index of the variable.
-        index: usize,
-        /// Its lower bound.
-        lower: f64,
-        /// Its upper bound.
-        upper: f64,
-    },
-    /// An option outside its range.
-    #[error("L-BFGS-B: option {name} = {value}, give {allowed}")]
-    Option {
-        /// Which option.
-        name: &'static str,
-        /// Its value.
-        value: f64,
-        /// Allowed values.
-        allowed: &'static str,
-    },
-    /// No start was given, or an iteration was requested before the start.
-    #[error("L-BFGS-B: no start, give one with `configure(|state| state.param(x0))`")]
-    NoStart,
-    /// The start is not finite.
-    #[error("L-BFGS-B: x0[{index}] = {value}, give a finite start")]
-    Start {
-        /// Index of the variable.
-        index: usize,
-        /// Its value.
-        value: f64,
-    },
-    /// Cost or gradient at the (projected) start is not finite.
-    #[error("L-BFGS-B: cost {cost} or its gradient is not finite at the start, give another x0")]
-    NotFinite {
-        /// Cost at the start.
-        cost: f64,
-    },
-    /// The objective itself failed.
-    #[error("L-BFGS-B: the objective failed: {0}")]
-    Objective(argmin::core::Error),
-}
-
-/// Tolerances and sizes of [`Lbfgsb`] and [`minimize`].
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub struct LbfgsbOptions {
-    /// Number of correction pairs kept, 1 to 200; 3 to 20 are useful (SciPy's `maxcor`).
-    pub memory: usize,
-    /// Stop when the largest component of the projected gradient is at most this (SciPy's `gtol`).
-    pub pgtol: f64,
-    /// Stop when (f_k - f_k+1) / max(|f_k|, |f_k+1|, 1) is at most this (SciPy's `ftol`).
-    pub ftol: f64,
-    /// Evaluations in one line search, at least 1 (SciPy's `maxls`); the count starts again when it steps
-    /// back from a cost that is not finite.
-    pub max_line_search: u32,
-    /// Iterations of [`minimize`]; argmin's executor has its own `max_iters`.
-    pub max_iterations: u64,
-}
-
-impl Default for LbfgsbOptions {
-    /// SciPy's values: memory 10, pgtol 1e-5, ftol 1e7 epsilon, 20 line search steps, 15000 iterations.
-    fn default() -> Self {
-        Self { memory: 10, pgtol: 1e-5, ftol: 1e7 * f64::EPSILON, max_line_search: 20, max_iterations: 15_000 }
-    }
-}
-
-impl LbfgsbOptions {
-    fn check(&self) -> Result<(), LbfgsbError> {
-        let bad = |name, value, allowed| Err(LbfgsbError::Option { name, value, allowed });
-        if !(1..=200).contains(&self.memory) {
-            return bad("memory", self.memory as f64, "1 to 200");
-        }
-        if !(self.pgtol.is_finite() && self.pgtol >= 0.0) {
-            return bad("pgtol", self.pgtol, "a finite number >= 0");
-        }
-        if !(self.ftol.is_finite() && self.ftol >= 0.0) {
-            return bad("ftol", self.ftol, "a finite number >= 0");
-        }
-        if self.max_line_search == 0 {
-            return bad("max_line_search", 0.0, "1 or more");
-        }
-        Ok(())
-    }
-}
-
-/// Why a minimization stopped.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[non_exhaustive]
-pub enum LbfgsbStop {
-    /// The projected gradient's largest component is at most `pgtol`.
-    Gradient,
-    /// The relative decrease of the last iteration is at most `ftol`.
-    Decrease,
-    /// `max_iterations` reached.
-    MaxIterations,
-    /// No step decreased the cost, not even along the projected gradient: the step is at rounding, or cost
-    /// and gradient do not match, or no point ahead is finite. The solution is the best point seen. The
-    /// string is the message of `basin`.
-    NoProgress(String),
-}
-
-/// Result of [`minimize`].
-#[derive(Debug, Clone, PartialEq)]
-pub struct LbfgsbSolution {
-    /// The best point, within the bounds.
-    pub x: Vec<f64>,
-    /// Cost at `x`.
-    pub cost: f64,
-    /// Gradient at `x`, same length.
-    pub gradient: Vec<f64>,
-    /// Largest component of the projected gradient at `x`.
-    pub projected_gradient: f64,
-    /// Iterations done.
-    pub iterations: u64,
-    /// Evaluations of cost and gradient together.
-    pub evaluations: u64,
-    /// Why it stopped.
-    pub stop: LbfgsbStop,
-}
 
 /// Minimizes `objective` within `lower <= x <= upper` from `x0`.
 ///
@@ -228,10 +67,10 @@ pub fn minimize<O: CostGradient + ?Sized>(
 
 /// L-BFGS-B as a solver of argmin.
 ///
-/// It stops with `SolverConverged` for `pgtol` and `ftol` ([`Lbfgsb::stop`] says which), and with
-/// `SolverExit` when no further progress is possible. Observers get `pg_norm` (largest component of the
-/// projected gradient) and `evaluations`. A checkpoint needs a format that keeps every bit and infinities,
-/// like argmin's own file checkpoints; plain JSON does not.
+/// It stops with `SolverConverged` for `pgtol` and `ftol` ([`Lbfgsb::stop`] tells which), and with
+/// `SolverExit` if no further progress is possible. Observers receive `pg_norm` (largest component of the
+/// projected gradient) and `evaluations`. A checkpoint needs a format that preserves every bit and
+/// infinities, like argmin's own file checkpoints; plain JSON does not.
 ///
 /// ```
 /// use argmin::core::{CostFunction, Error, Executor, Gradient};
@@ -315,13 +154,14 @@ impl Lbfgsb {
         self
     }
 
-    /// Why the run stopped; `None` while it runs or when argmin's executor stopped it.
+    /// Reason for which the run stopped; `None` while it runs and if argmin's executor stopped it.
     #[must_use]
     pub fn stop(&self) -> Option<&LbfgsbStop> {
         self.run.as_ref().and_then(|run| run.stop.as_ref())
     }
 
-    /// Evaluations of cost and gradient together since the start, checkpoints included.
+    /// Number of evaluations of cost and gradient together since the start, including those before a
+    /// checkpoint.
     #[must_use]
     pub fn evaluations(&self) -> u64 {
         self.run.as_ref().map_or(0, |run| run.evaluations)
@@ -381,7 +221,7 @@ impl<O: CostGradient> Solver<O, LbfgsbState> for Lbfgsb {
     }
 }
 
-/// Returns an objective's error unchanged to argmin, so that it can be downcast.
+/// Passes an objective's error unchanged to argmin, so that it can be downcast.
 fn unwrapped(error: LbfgsbError) -> argmin::core::Error {
     match error {
         LbfgsbError::Objective(error) => error,

@@ -1,4 +1,4 @@
-//! The bounded minimizer of the fits. It keeps the best point and stops by the gain over a window of
+//! Bounded minimization for the fits: keeps the best point and stops by the gain over a window of
 //! evaluations.
 
 use crate::optimize::lbfgsb::{CostGradient, LbfgsbOptions, minimize};
@@ -10,10 +10,10 @@ use std::collections::VecDeque;
 pub(crate) struct MinimizeOptions {
     /// Largest number of iterations.
     pub iterations: usize,
-    /// Stop when [`WINDOW`] evaluations together lower the cost by less than this fraction: single steps of a
+    /// Relative decrease of the cost over [`WINDOW`] evaluations below which the run stops; single steps of a
     /// quasi-Newton method are too uneven to judge by.
     pub tolerance: f64,
-    /// Pairs kept by the quasi-Newton model.
+    /// Number of correction pairs of the quasi-Newton model.
     pub memory: usize,
 }
 
@@ -25,7 +25,7 @@ pub(crate) struct Minimum {
     pub evaluations: usize,
 }
 
-/// Evaluations over which progress is judged.
+/// Number of evaluations over which progress is judged.
 const WINDOW: usize = 11;
 
 /// Error that ends a run whose window shows no more gain.
@@ -66,8 +66,8 @@ impl<F: FnMut(&[f64], &mut [f64]) -> f64> CostGradient for Watched<F> {
     }
 }
 
-/// Minimizes `objective(x, gradient) -> cost` within the box, from `start` clamped into it. Returns the best
-/// point found, whatever ends the run.
+/// Minimizes `objective(x, gradient) -> cost` within the bounds, from `start` clamped to them. Returns the
+/// best point found, whatever ends the run.
 pub(crate) fn minimize_bounded(
     start: &[f64],
     lower: &[f64],
@@ -86,7 +86,7 @@ pub(crate) fn minimize_bounded(
         max_iterations: options.iterations as u64,
         ..LbfgsbOptions::default()
     };
-    // An error is either `Settled` or a start without finite cost; in both cases the watch holds the best
+    // An error is either `Settled` or a start without finite cost; in both cases the watch contains the best
     // result.
     let _ = minimize(&watched, &start, lower, upper, &settings);
     let watch = watched.watch.into_inner();

@@ -1,4 +1,4 @@
-//! Minimizers: L-BFGS-B for smooth costs within bounds, non-negative least squares.
+//! Minimizers: L-BFGS-B for smooth costs within bounds, and non-negative least squares.
 
 pub(crate) mod lbfgsb;
 pub(crate) mod minimize;

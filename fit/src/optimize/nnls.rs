@@ -24,7 +24,7 @@ pub fn nnls(a: &DMatrix<f64>, b: &DVector<f64>) -> DVector<f64> {
                 break;
             }
             if z[enter] <= 0.0 && x[enter] == 0.0 {
-                // Rounding let a useless column in: exclude it until another variable moves.
+                // Rounding let a useless column in: it is excluded until another variable moves.
                 free[enter] = false;
                 blocked[enter] = true;
                 break;
@@ -44,7 +44,7 @@ pub fn nnls(a: &DMatrix<f64>, b: &DVector<f64>) -> DVector<f64> {
     x
 }
 
-/// Least squares over the free columns, zero elsewhere.
+/// Least squares over the free columns; the other components are zero.
 fn solve_free(a: &DMatrix<f64>, b: &DVector<f64>, free: &[bool]) -> DVector<f64> {
     let columns: Vec<usize> = (0..a.ncols()).filter(|&j| free[j]).collect();
     let sub = a.select_columns(&columns);
@@ -60,7 +60,7 @@ fn solve_free(a: &DMatrix<f64>, b: &DVector<f64>, free: &[bool]) -> DVector<f64>
 mod tests {
     use super::*;
 
-    /// Brute-force reference: the best feasible one of all subsets of free columns.
+    /// Brute-force reference: the best feasible solution over all subsets of free columns.
     fn brute_force(a: &DMatrix<f64>, b: &DVector<f64>) -> f64 {
         let n = a.ncols();
         (0..1usize << n)

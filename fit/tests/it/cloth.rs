@@ -2,11 +2,11 @@
 //! at random points and directions, eval against weight and pdf, chi-square, and light straight through gaps.
 
 use crate::small_cloth::{CELL_UM, SPACING_UM, cloth, model, woven};
-use plywave::check::check_bsdf;
 use plywave::cloth::{ClothBsdf, ClothData, ClothOptions, GapLight};
 use plywave::frame::direction;
 use plywave::spec::YarnSpec;
 use plywave::{Bsdf, BsdfSample, ClothQuery, PlyModel};
+use plywave_check::check_bsdf;
 use plywave_fit::{EdgeOptions, fit_edge, layer_factors};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;

@@ -7,8 +7,8 @@
 use crate::planted::Planted;
 use plywave::ply::asg::PARAMS;
 use plywave::ply::{FamilyAxis, FamilyParam, PlyData};
-use plywave::table::Table;
 use plywave_fit::{FamilyMiddle, FamilyTables, FitOptions, errors, fit, fit_family};
+use plywave_tables::table::Table;
 use std::sync::{Arc, OnceLock};
 
 /// Turn of the lobes over the family [rad times the factors of `crate::planted::turned`]: two widths of the

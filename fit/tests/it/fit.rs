@@ -4,14 +4,15 @@
 //! of paths.
 
 use crate::planted::Planted;
+use plywave::Document;
 use plywave::PlyQuery;
 use plywave::ply::PlyData;
 use plywave::ply::asg::{Lobe, PARAMS};
-use plywave::table::{OutgoingGrid, Table};
 use plywave_fit::{
     BlockEffort, DiffTolerance, FitOptions, GridCell, Part, ScaledLobes, Scratch, SphereGrid, canonicalize, diff,
     errors, fit, fit_single_slices, high_lobes, locate, refl_lobes,
 };
+use plywave_tables::table::{OutgoingGrid, Table};
 use std::sync::OnceLock;
 
 /// One fit of the default plan, shared by the tests.

@@ -1,13 +1,13 @@
 //! Fits of Khungurn's model recover planted parameters from scattering, from a table, and from the
 //! reflectance of a swatch; bad input is refused in one line.
 
-use plywave::fiber::dual_scattering::{DualOptions, DualScattering};
-use plywave::fiber::{
+use plywave::frame::direction;
+use plywave_fiber::dual_scattering::{DualOptions, DualScattering};
+use plywave_fiber::{FiberModel, FiberQuery};
+use plywave_fiber::{
     FiberSource, FiberTable, KhungurnFiber, KhungurnParameters, OpaqueFiber, OpaqueParameters, OutlineSymmetry,
     Reflectance, TabulatedFiber,
 };
-use plywave::frame::direction;
-use plywave::{FiberModel, FiberQuery};
 use plywave_fit::{KhungurnFitError, SwatchOptions, SwatchSample, fit_khungurn, fit_khungurn_swatch};
 use std::f64::consts::{PI, TAU};
 
@@ -158,7 +158,7 @@ fn bad_input_is_refused_in_one_line() {
     refused(fit_khungurn(&target, &[0.5], &[0.0], 0, &start).unwrap_err(), "Khungurn fit: turns = 0");
     let bad = KhungurnParameters { beta_r: 0.0, ..start.clone() };
     refused(fit_khungurn(&target, &[0.5], &[0.0], 1, &bad).unwrap_err(), "Khungurn fiber: beta_r = 0");
-    let black = OpaqueParameters { mirror: plywave::fiber::Mirror::None, ..Default::default() };
+    let black = OpaqueParameters { mirror: plywave_fiber::Mirror::None, ..Default::default() };
     let black: FiberModel = OpaqueFiber::new(black).unwrap().into();
     refused(fit_khungurn(&black, &[0.5], &[0.0], 1, &start).unwrap_err(), "Khungurn fit: target = 0");
 

@@ -1,9 +1,9 @@
 //! Two layers of yarn, on the shipped models.
 
-use plywave::check::check_bsdf;
 use plywave::frame::direction;
 use plywave::ply::Layer;
 use plywave::{Bsdf, PlyModel, PlyQuery};
+use plywave_check::check_bsdf;
 use plywave_fit::layer_factors;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;

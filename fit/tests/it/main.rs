@@ -10,8 +10,6 @@ mod mgh;
 mod planted;
 #[path = "../../../tests/it/small_cloth.rs"]
 mod small_cloth;
-mod speckle;
-mod speckle_field;
 #[path = "../../../tests/it/synthetic/mod.rs"]
 mod synthetic;
 mod table_distance;

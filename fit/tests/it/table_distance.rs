@@ -1,7 +1,7 @@
 //! Chain of trust of the distance between tables: a known factor, energies, and noise of a known size.
 
-use plywave::table::{OutgoingGrid, Table};
 use plywave_fit::table_distance;
+use plywave_tables::table::{OutgoingGrid, Table};
 
 /// A synthetic table of 3 latitudes, 9 offsets and 2 absorptions: smooth densities that follow the incidence,
 /// nothing equal to anything else.

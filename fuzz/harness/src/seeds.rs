@@ -1,17 +1,20 @@
 //! Good files of each kind: those of the repository, and small ones made here.
 
+use plywave::Document;
 use plywave::PlyModel;
-use plywave::cloth::{ClothCurves, ClothData, ClothSpec};
-use plywave::fiber::{FiberSource, FiberTable, OutlineSymmetry};
+use plywave::cloth::{ClothCurves, ClothData};
 use plywave::ply::{FamilyAxis, FamilyData, FamilyParam, PlyData};
 use plywave::spec::YarnSpec;
-use plywave::speckle::{NoiseSpectrum, SpecklePatterns};
-use plywave::twin::{CLASSES, ClothTwin, SphereBins};
-use plywave_sim::cloth::{CurveFormat, Effort, make_cloth, make_ready, write_curves};
-use plywave_sim::runs::{self, Job, Run};
+use plywave::speckle::NoiseSpectrum;
+use plywave_fiber::{FiberSource, FiberTable, OutlineSymmetry};
+use plywave_runs::{self as runs, Run, Shards};
+use plywave_sim::cloth::{CurveFormat, Effort, make_cloth, precompute, write_curves};
 use plywave_sim::twin::{TwinCurves, TwinJob, TwinOptions};
-use plywave_sim::wave::{ScatterJob, Scene, SpeckleJob, SpeckleOptions};
 use plywave_sim::{SimOptions, SimulateJob};
+use plywave_tables::speckle::SpecklePatterns;
+use plywave_tables::twin::{CLASSES, ClothTwin, SphereBins};
+use plywave_textile::ClothSpec;
+use plywave_wave::{ScatterJob, Scene, SpeckleJob, SpeckleOptions};
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, LazyLock};
 
@@ -138,22 +141,23 @@ pub fn yarns() -> Vec<Vec<u8>> {
 }
 
 /// An open plain weave of yarns of one ply, as wide as those of the small model, striped.
-const PLAIN: &str = "name = \"plain\"\ncolor_of = \"even_sky\"\n[weave]\nkind = \"plain\"\n\
-    [warp]\ncount = { tex = 2.833 }\ndensity_g_per_cm3 = 1.38\nends_per_cm = 40\nslit_um = 2.0\nslit_share = 0.2\n\
-    stripes = [{ count = 2, srgb = [0.7, 0.1, 0.1] }, { count = 1, srgb = [0.1, 0.2, 0.6] }]\n\
-    [weft]\ncount = { tex = 2.833 }\ndensity_g_per_cm3 = 1.38\npicks_per_cm = 40\nsrgb = [0.5, 0.5, 0.4]\n";
+const PLAIN: &str = "name = \"plain\"\ncolor_of = \"even_sky\"\n[weave]\nkind = \"plain\"\nends_per_cm = 40\n\
+    picks_per_cm = 40\n[warp]\nfiber = \"polyester\"\ncount = \"2.833 tex\"\npacking = 0.6\nslit_um = 2.0\n\
+    slit_share = 0.2\nstripes = [{ count = 2, color = [0.7, 0.1, 0.1] }, { count = 1, color = [0.1, 0.2, 0.6] }]\n\
+    [weft]\nas = \"warp\"\ncolor = [0.5, 0.5, 0.4]\n";
 
 /// Curves of [`PLAIN`].
 fn plain() -> ClothCurves {
     let spec = ClothSpec::parse(PLAIN, "c.toml").expect("a good spec");
     let no_file = |name: &str| -> plywave::Result<Vec<u8>> { panic!("{name} is not to be read") };
-    make_cloth(&spec, "c.toml", &mut |name| no_file(name), Effort::Full, &|| true).expect("a cloth").curves
+    make_cloth(&spec, "c.toml", &mut |name| no_file(name), Effort::Full, &|_| true).expect("a cloth").curves
 }
 
 /// A small cloth, with the mean over the cell.
 pub static CLOTH: LazyLock<ClothData> = LazyLock::new(|| {
+    let spec = ClothSpec::parse(PLAIN, "c.toml").expect("a good spec");
     let model = Arc::new(PlyModel::load(root().join("tests/data/small.pwm")).expect("the small model"));
-    make_ready(PLAIN, "plain", &plain(), &[model.clone(), model], Effort::Full, &|_| true).expect("a cloth")
+    precompute(&spec, PLAIN, &plain(), &[model.clone(), model], Effort::Full, &|_| true).expect("a cloth")
 });
 
 /// A file of a small cloth.

@@ -3,19 +3,23 @@
 
 use crate::Rng;
 use crate::seeds::CLOTH;
-use plywave::cloth::{ClothData, ClothLines, ClothModel, ClothOptions, ClothSpec, LineHits, Wif};
-use plywave::fiber::{FiberModel, FiberTable, FilamentSpec, TabulatedFiber};
+use plywave::Document;
+use plywave::cloth::{ClothData, ClothLines, ClothModel, ClothOptions, LineHits};
 use plywave::ply::{FamilyParams, PlyFamily, PlyPlace};
 use plywave::spec::YarnSpec;
-use plywave::speckle::SpecklePatterns;
-use plywave::table::Table;
-use plywave::twin::ClothTwin;
-use plywave::{Bsdf, ClothQuery, FiberQuery, PlyModel, PlyQuery};
+use plywave::{Bsdf, ClothQuery, PlyModel, PlyQuery};
+use plywave_fiber::FiberQuery;
+use plywave_fiber::{FiberModel, FiberTable, FilamentSpec, TabulatedFiber};
+use plywave_pipeline::AnyJob;
 use plywave_render::{Basis, Environment, Film, Light, Mesh, Scene, StrandFile, StrandShape, StrandTree, Strands};
+use plywave_runs::{PartFile, Parts};
 use plywave_sim::cloth::{Effort, make_cloth};
-use plywave_sim::runs::{AnyJob, PartFile, Parts};
 use plywave_sim::twin::TwinCurves;
-use plywave_sim::wave::SingleFiber;
+use plywave_tables::speckle::SpecklePatterns;
+use plywave_tables::table::Table;
+use plywave_tables::twin::ClothTwin;
+use plywave_textile::{ClothSpec, Wif};
+use plywave_wave::SingleFiber;
 use std::fmt::Display;
 use std::path::Path;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -209,6 +213,10 @@ pub fn cloth_spec(bytes: &[u8]) {
     }
     let mut data = CLOTH.clone();
     data.spec_text = text.into();
+    data.color_of = spec.color_of;
+    for (own, look) in data.looks.iter_mut().zip(spec.looks()) {
+        *own = look;
+    }
     let options = ClothOptions { far: true, ..ClothOptions::default() };
     if let Some(cloth) = loaded(ClothModel::from_data(data, &options)) {
         // In a gap several plies and the aperture, each within its tolerance.
@@ -233,7 +241,7 @@ pub fn cloth(bytes: &[u8]) {
 /// Curves of a cloth in each of their formats, of one kind of yarn and of two, and lines through them.
 pub fn curves(bytes: &[u8]) {
     let mut rng = seeded(bytes);
-    let yarn = |name: &str| format!("[{name}]\ncount = {{ tex = 2.833 }}\ndensity_g_per_cm3 = 1.38\n");
+    let yarn = |name: &str| format!("[{name}]\nfiber = \"polyester\"\ncount = \"2.833 tex\"\npacking = 0.6\n");
     let yarns = [yarn("yarn"), yarn("warp") + &yarn("weft")];
     for (ending, yarns) in
         ["toml", "bcc", "tg3"].into_iter().flat_map(|ending| yarns.iter().map(move |of| (ending, of)))
@@ -243,7 +251,7 @@ pub fn curves(bytes: &[u8]) {
             if ending == "bcc" { "cell_um = [[250.0, 250.0], [0.0, 500.0]]\n" } else { "" }
         );
         let spec = ClothSpec::parse(&text, "c.toml").expect("a good spec");
-        let made = loaded(make_cloth(&spec, "c.toml", &mut |_| Ok(bytes.to_vec()), Effort::Full, &|| true));
+        let made = loaded(make_cloth(&spec, "c.toml", &mut |_| Ok(bytes.to_vec()), Effort::Full, &|_| true));
         let Some(made) = made else { continue };
         assert!(made.measures.thickness_um > 0.0 && (0.0..=1.0).contains(&made.measures.openness));
         let lines = ClothLines::new(&made.curves).expect("measured curves");
@@ -293,7 +301,7 @@ pub fn sky(bytes: &[u8]) {
 /// A scene of the wave simulator.
 pub fn scene(bytes: &[u8]) {
     let Ok(text) = std::str::from_utf8(bytes) else { return };
-    loaded(plywave_sim::wave::Scene::parse(text));
+    loaded(plywave_wave::Scene::parse(text));
 }
 
 /// A part of a run: read, and merged where it is whole.
@@ -303,7 +311,7 @@ pub fn part(bytes: &[u8]) {
     if part.description().kind == "scatter" {
         on_disk(bytes, |path| {
             if let Some(parts) = loaded(Parts::open(&[path.to_path_buf()])) {
-                loaded(parts.output().map(|_| ()));
+                loaded(plywave_pipeline::merge_parts(&parts).map(|_| ()));
             }
         });
     }

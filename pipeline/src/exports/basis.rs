@@ -1,11 +1,11 @@
-//! Patches of the hemisphere: the basis of Klems, and the squares of Shirley and Chiu.
+//! Patches of the hemisphere: the basis of Klems, and the squares of Shirley and Chiu (1997).
 //!
-//! A direction is a point of the unit disk, its projection on the cloth, in a frame that all blocks of a file
-//! share. That of WINDOW and Radiance has X to the right and Y up as seen from indoors, Z into the room, and
-//! the front of a layer faces outdoors: of the cloth's frame, whose face is the front, `X = -x, Y = y,
-//! Z = -z`. Outgoing light is numbered by where it goes, incident light by where it would go on, which
-//! is opposite to where it comes from: straight and mirrored light then stay in their patch, and lie on the
-//! diagonal of a matrix.
+//! A direction is represented by its projection on the plane of the cloth, a point of the unit disk, in a
+//! frame that all blocks of a file share. The frame of WINDOW and Radiance has X to the right and Y up as
+//! seen from indoors and Z into the room, and the front of a layer faces outdoors. In terms of the cloth's
+//! frame, whose face is the front, `X = -x, Y = y, Z = -z`. Outgoing light is numbered by its direction of
+//! propagation; incident light is numbered by the direction in which it would continue, opposite to its
+//! source. Straight and mirrored light thus stay in their patch, on the diagonal of a matrix.
 
 use std::f64::consts::{FRAC_PI_4, PI, TAU};
 
@@ -13,20 +13,20 @@ use std::f64::consts::{FRAC_PI_4, PI, TAU};
 pub const KLEMS_RINGS: [(f64, usize); 9] =
     [(5.0, 1), (15.0, 8), (25.0, 16), (35.0, 20), (45.0, 24), (55.0, 24), (65.0, 24), (75.0, 16), (90.0, 12)];
 
-/// How the hemisphere is divided.
+/// Division of the hemisphere into patches.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Basis {
-    /// The 145 patches of Klems; the first of each ring lies about azimuth 0.
+    /// The 145 patches of Klems; the first patch of each ring is centered at azimuth 0.
     Klems,
-    /// `side * side` squares of equal projected solid angle, the first coordinate fastest (Shirley and Chiu
-    /// 1997).
+    /// `side * side` squares of equal projected solid angle, with the first coordinate fastest (Shirley and
+    /// Chiu 1997).
     Squares {
-        /// Squares along an edge.
+        /// Number of squares along an edge.
         side: usize,
     },
 }
 
-/// Ring and number within it of a patch of Klems.
+/// Ring of a Klems patch, and the patch's number within the ring.
 fn ring_of(patch: usize) -> (usize, usize) {
     let mut first = 0;
     for (ring, (_, count)) in KLEMS_RINGS.iter().enumerate() {
@@ -38,7 +38,7 @@ fn ring_of(patch: usize) -> (usize, usize) {
     (KLEMS_RINGS.len() - 1, 0)
 }
 
-/// Squared sines of a ring's bounds.
+/// Squared sines of the bounds of a ring.
 fn sines(ring: usize) -> [f64; 2] {
     let low = if ring == 0 { 0.0 } else { KLEMS_RINGS[ring - 1].0 };
     [low, KLEMS_RINGS[ring].0].map(|deg: f64| deg.to_radians().sin().powi(2))
@@ -53,12 +53,12 @@ impl Basis {
         }
     }
 
-    /// Whether there are none.
+    /// Whether there are no patches.
     pub fn is_empty(self) -> bool {
         self.len() == 0
     }
 
-    /// Projected solid angle of a patch [sr]; of all pi.
+    /// Projected solid angle of a patch [sr]; the sum over all patches is pi.
     pub fn projected_solid_angle(self, patch: usize) -> f64 {
         match self {
             Basis::Klems => {
@@ -70,8 +70,8 @@ impl Basis {
         }
     }
 
-    /// The point of the disk at fractions of a patch; equal areas of fractions are equal projected solid
-    /// angles.
+    /// The point of the disk at fractional coordinates within a patch; equal areas of these coordinates have
+    /// equal projected solid angles.
     pub fn disk(self, patch: usize, [u, v]: [f64; 2]) -> [f64; 2] {
         match self {
             Basis::Klems => {
@@ -88,7 +88,7 @@ impl Basis {
         }
     }
 
-    /// The patch with the directions opposite about the normal.
+    /// The patch whose directions are opposite in azimuth.
     pub fn opposite(self, patch: usize) -> usize {
         match self {
             Basis::Klems => {
@@ -101,7 +101,7 @@ impl Basis {
     }
 }
 
-/// A point of the unit disk of a point of the unit square; equal areas stay equal (Shirley and Chiu 1997).
+/// Maps the unit square to the unit disk, preserving ratios of areas (Shirley and Chiu 1997).
 pub fn square_to_disk(at: [f64; 2]) -> [f64; 2] {
     let [a, b] = at.map(|v| 2.0 * v - 1.0);
     let (r, phi) = match (a > -b, a > b, a < b) {
@@ -114,18 +114,19 @@ pub fn square_to_disk(at: [f64; 2]) -> [f64; 2] {
     [r * phi.cos(), r * phi.sin()]
 }
 
-/// The cloth's direction to where light comes from, of the point of the disk by which it is numbered.
+/// Direction towards the source of incident light, in the cloth's frame, for the point of the disk that
+/// numbers it.
 pub fn incident([x, y]: [f64; 2], is_face: bool) -> [f32; 3] {
     direction([x, -y], is_face)
 }
 
-/// The cloth's direction to where light goes, of its point of the disk.
+/// Direction of propagation of outgoing light, in the cloth's frame, for its point of the disk.
 pub fn outgoing([x, y]: [f64; 2], is_face: bool) -> [f32; 3] {
     direction([-x, y], is_face)
 }
 
 fn direction([x, y]: [f64; 2], is_face: bool) -> [f32; 3] {
-    // Not in the plane itself, where a cloth has no mean.
+    // The direction stays out of the plane of the cloth, where the mean is undefined.
     let r = x.hypot(y);
     let scale = if r > 0.999_95 { 0.999_95 / r } else { 1.0 };
     let (x, y) = (x * scale, y * scale);
@@ -137,7 +138,7 @@ fn direction([x, y]: [f64; 2], is_face: bool) -> [f32; 3] {
 mod tests {
     use super::*;
 
-    /// Patches cover the hemisphere once, and lie opposite each other.
+    /// Patches cover the hemisphere once, and each patch has an opposite one.
     #[test]
     fn patches_are_those_of_the_bases() {
         assert_eq!(Basis::Klems.len(), 145);
@@ -156,7 +157,7 @@ mod tests {
         assert!(y.abs() < 1e-12 && x > 5f64.to_radians().sin() && x < 15f64.to_radians().sin());
     }
 
-    /// Straight light has one number, whichever side it comes from; mirrored light too.
+    /// Straight light has the same number on both sides, and so has mirrored light.
     #[test]
     fn straight_light_lies_on_the_diagonal() {
         for at in [[0.3, -0.5], [-0.7, 0.1]] {

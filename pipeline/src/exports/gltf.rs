@@ -1,10 +1,11 @@
-//! A swatch as GLB: a flat piece of the cloth with sheen, anisotropy, specular, diffuse transmission and
-//! normals.
+//! Writes a swatch as GLB: a flat piece of the cloth with sheen, anisotropy, specular, diffuse transmission
+//! and normals.
 //!
-//! x of the cloth is x, y is y, the face looks along z, in meters. Texture coordinates count repeats, v
-//! downwards. glTF's widths follow from OpenPBR's: `alpha_b = roughness^2` along the yarn and `alpha_t = mix(
-//! alpha_b, 1, strength^2)` across it (KHR_materials_anisotropy). The directions of yarns are in the texture,
-//! as colors that are filtered well: across warp is red, across weft green.
+//! The axes x and y are those of the cloth, and the face looks along z; lengths are in meters. Texture
+//! coordinates count repeats, with v downwards. The roughness of glTF follows from that of OpenPBR by
+//! `alpha_b = roughness^2` along the yarn and `alpha_t = mix(alpha_b, 1, strength^2)` across it
+//! (KHR_materials_anisotropy). The texture stores the directions of yarns as colors that can be filtered:
+//! across warp is red, across weft green.
 
 use super::Format;
 use super::maps::Maps;
@@ -15,7 +16,7 @@ use crate::error::Error;
 use plywave::color::srgb_encode;
 use serde_json::{Value, json};
 
-/// Roughness and strength of anisotropy as glTF has them.
+/// Roughness and anisotropy strength of glTF for a lobe.
 fn gltf_gloss(gloss: &Gloss) -> [f64; 2] {
     let r2 = gloss.roughness * gloss.roughness;
     let keep = 1.0 - gloss.anisotropy;
@@ -24,7 +25,7 @@ fn gltf_gloss(gloss: &Gloss) -> [f64; 2] {
     [along.sqrt(), ((across - along) / (1.0 - along).max(1e-6)).clamp(0.0, 1.0).sqrt()]
 }
 
-/// The bytes of a GLB: a swatch of `repeats` of the cloth along x and y.
+/// Bytes of a GLB: a swatch with `repeats` of the cloth along x and y.
 ///
 /// # Errors
 /// [`Error::Export`] for a texture that cannot be encoded.
@@ -40,7 +41,7 @@ pub fn glb(
     let glosses = material.gloss.map(|g| gltf_gloss(&g));
     let strongest = glosses[0][1].max(glosses[1][1]).max(1e-6);
     let is_open = maps.cover() < 0.999;
-    // The part of diffuse light that goes through has a color of its own; the base color is of both.
+    // Transmitted diffuse light has a color of its own; the base color is for both parts.
     let base: Vec<u8> = maps
         .texels
         .iter()
@@ -69,7 +70,7 @@ pub fn glb(
         png_8(size, 3, &across, made_by)?,
         png_8(size, 3, &through, made_by)?,
     ];
-    // Vertices: four corners about the origin.
+    // The vertices are four corners about the origin.
     let half = [0, 1].map(|k| 0.5e-6 * maps.size_um[k] as f32 * repeats[k] as f32);
     let (u, v) = (repeats[0] as f32, repeats[1] as f32);
     let corners = [(-1.0f32, -1.0f32, 0.0, v), (1.0, -1.0, u, v), (1.0, 1.0, u, 0.0), (-1.0, 1.0, 0.0, 0.0)];

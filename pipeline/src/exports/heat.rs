@@ -1,27 +1,29 @@
-//! Heat through a cloth, as LBNL WINDOW computes U and SHGC from it.
+//! Heat transfer through a cloth, with the quantities from which LBNL WINDOW computes U and SHGC.
 //!
-//! The spec's numbers are taken as they are. Others are those of usual fibers: what is not open emits as its
-//! fibers do, light beside all fibers is what goes through near 10 um, and air flows where a line along the
-//! normal meets no ply. Scattering and transmission of the fibers themselves near 10 um are left out.
+//! Quantities in the spec are used unchanged. The others are estimated: the covered area emits like its
+//! fibers, the fraction of light that misses all fibers is the transmittance near 10 um, and air flows
+//! through the area where a line along the normal misses all plies. Scattering and transmission of the fibers
+//! near 10 um are neglected.
 
 use super::matrix::Matrix;
 use super::mean::MeanCloth;
 use crate::error::Error;
-use plywave::cloth::making::start;
-use plywave::cloth::{ClothData, ClothSpec, LineHits};
+use plywave::cloth::geometry::start;
+use plywave::cloth::{ClothData, LineHits};
 use plywave::spec::{FiberSpec, YarnSpec};
+use plywave_textile::ClothSpec;
 use std::f64::consts::PI;
 
-/// Thermal conductivity of shades of polymers [W/(m K)].
+/// Thermal conductivity of polymer shades [W/(m K)].
 const CONDUCTIVITY: f64 = 0.15;
-/// Emissivity of what polymers, cellulose, proteins and glass cover.
+/// Emissivity of polymers, cellulose, proteins and glass, per covered area.
 const EMISSIVITY: f64 = 0.9;
 /// Emissivity of clean metals.
 const METAL_EMISSIVITY: f64 = 0.05;
-/// Lines along the normal.
+/// Number of lines along the normal.
 const LINES: usize = 4096;
 
-/// Heat through a cloth.
+/// Thermal quantities of a cloth.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Heat {
     /// Thickness [um].
@@ -32,47 +34,47 @@ pub struct Heat {
     pub emissivity: [f64; 2],
     /// Hemispherical transmittance near 10 um.
     pub ir_transmittance: f64,
-    /// Share of the area through which air flows.
+    /// Fraction of the area through which air flows.
     pub permeability: f64,
-    /// Which of them are assumed.
+    /// Note that lists the assumed quantities.
     pub note: String,
 }
 
 impl Heat {
-    /// Of a cloth and its matrix.
+    /// Thermal quantities of a cloth with this matrix.
     ///
     /// # Errors
-    /// [`Error::Runtime`] for a spec within the cloth that cannot be read.
+    /// [`Error::Runtime`] if the spec inside the cloth file cannot be read.
     pub fn new(data: &ClothData, cloth: &MeanCloth, matrix: &Matrix) -> Result<Heat, Error> {
         let spec = ClothSpec::parse(&data.spec_text, &format!("{} (its spec)", data.name))?;
-        let given = spec.thermal.unwrap_or_default();
+        let thermal = spec.thermal.unwrap_or_default();
         let fibers = emissivities(data)?;
         let normal = Normal::new(cloth);
-        let of_spec = [given.emissivity_front, given.emissivity_back];
+        let of_spec = [thermal.emissivity_front, thermal.emissivity_back];
         let largest = of_spec.iter().flatten().copied().fold(0.0, f64::max);
-        let ir_transmittance = given.ir_transmittance.unwrap_or_else(|| straight(matrix).min(1.0 - largest));
+        let ir_transmittance = thermal.ir_transmittance.unwrap_or_else(|| straight(matrix).min(1.0 - largest));
         let emissivity = [0, 1].map(|side| {
             let of_fibers: f64 = normal.shares[side].iter().zip(&fibers).map(|(share, e)| share * e).sum();
             of_spec[side].unwrap_or(of_fibers * (1.0 - ir_transmittance))
         });
         let assumed: Vec<&str> = [
-            ("the conductivity", given.conductivity_w_per_m_k.is_none()),
-            ("the emissivity of the face", given.emissivity_front.is_none()),
-            ("the emissivity of the back", given.emissivity_back.is_none()),
-            ("the infrared transmittance", given.ir_transmittance.is_none()),
-            ("the permeability", given.permeability.is_none()),
+            ("the conductivity", thermal.conductivity_w_per_m_k.is_none()),
+            ("the emissivity of the face", thermal.emissivity_front.is_none()),
+            ("the emissivity of the back", thermal.emissivity_back.is_none()),
+            ("the infrared transmittance", thermal.ir_transmittance.is_none()),
+            ("the permeability", thermal.permeability.is_none()),
         ]
         .into_iter()
         .filter_map(|(name, is_assumed)| is_assumed.then_some(name))
         .collect();
         Ok(Heat {
-            thickness_um: given
+            thickness_um: thermal
                 .thickness_um
                 .unwrap_or_else(|| 2.0 * f64::from(cloth.points().lines().half_thickness_um())),
-            conductivity: given.conductivity_w_per_m_k.unwrap_or(CONDUCTIVITY),
+            conductivity: thermal.conductivity_w_per_m_k.unwrap_or(CONDUCTIVITY),
             emissivity,
             ir_transmittance,
-            permeability: given.permeability.unwrap_or(normal.open),
+            permeability: thermal.permeability.unwrap_or(normal.open),
             note: match assumed.is_empty() {
                 true => "Heat: all thermal numbers are those of the cloth spec.".into(),
                 false => format!(
@@ -84,7 +86,7 @@ impl Heat {
         })
     }
 
-    /// As facts.
+    /// The quantities as facts.
     pub fn facts(&self) -> [(&'static str, f64); 6] {
         [
             ("thickness_um", self.thickness_um),
@@ -97,7 +99,7 @@ impl Heat {
     }
 }
 
-/// Names as a part of a sentence.
+/// A list of names as part of a sentence.
 fn listed(names: &[&str]) -> String {
     match names {
         [] => String::new(),
@@ -106,7 +108,7 @@ fn listed(names: &[&str]) -> String {
     }
 }
 
-/// Light beside all fibers, of light that is even over the hemisphere.
+/// Fraction of light uniform over the hemisphere that misses all fibers.
 fn straight(matrix: &Matrix) -> f64 {
     let of = |side: &Vec<f64>| {
         let each = side.iter().enumerate();
@@ -115,7 +117,7 @@ fn straight(matrix: &Matrix) -> f64 {
     (0.5 * matrix.straight.iter().map(of).sum::<f64>()).clamp(0.0, 1.0)
 }
 
-/// Emissivity of the fibers of each kind of yarn.
+/// Emissivity of the fibers, by kind of yarn.
 fn emissivities(data: &ClothData) -> Result<Vec<f64>, Error> {
     let of_fiber = |fiber: &FiberSpec| match fiber.metal {
         Some(_) => METAL_EMISSIVITY,
@@ -129,11 +131,11 @@ fn emissivities(data: &ClothData) -> Result<Vec<f64>, Error> {
     data.models.iter().map(|model| of_yarn(&model.data().spec_text)).collect()
 }
 
-/// What lines along the normal meet.
+/// Hits of lines along the normal.
 struct Normal {
-    /// Share of them that meets no ply.
+    /// Fraction of the lines that miss all plies.
     open: f64,
-    /// `[face, back][kind]`: shares of the kinds of yarns in what is met first.
+    /// `[face, back][kind]`: fractions of the kinds of yarns among the first hits.
     shares: [[f64; 2]; 2],
 }
 

@@ -1,24 +1,24 @@
-//! Maps of a cloth over its repeat, as it is seen along the normal of its face: cover, color, normals and the
+//! Maps of a cloth over its repeat, as seen along the normal of its face: cover, color, normals and
 //! directions of yarns.
 
 use super::mean::MeanCloth;
 use crate::error::Error;
 use plywave::bsdf::Bsdf;
-use plywave::cloth::making::{frame, start};
+use plywave::cloth::geometry::{frame, start};
 use plywave::cloth::{Channels, LineHits};
 use plywave::{ClothQuery, color};
 use rayon::prelude::*;
 use std::f64::consts::PI;
 
-/// Lines a side of a pixel.
+/// Number of lines along a side of a pixel.
 const LINES: usize = 2;
-/// Directions of each hemisphere by which a point's reflectance is found.
+/// Number of directions of each hemisphere from which a point's reflectance is computed.
 const DIRECTIONS: usize = 48;
-/// Largest sine of a normal's tilt: beyond, the sides of plies stand so steep that a flat shading point has
-/// no light.
+/// Largest sine of a normal's tilt. Beyond it, the sides of plies are so steep that a flat shading point
+/// receives no light.
 const MAX_SINE: f32 = 0.9;
 
-/// A point of a cloth's face.
+/// A visible point of a cloth's face.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Point {
     /// Kind of yarn: warp or weft.
@@ -29,60 +29,60 @@ pub struct Point {
     pub along: [f32; 3],
 }
 
-/// A pixel.
+/// A pixel of the maps.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Texel {
-    /// Share of its lines that meet a ply.
+    /// Fraction of the pixel's lines that hit a ply.
     pub cover: f32,
-    /// Share of these that meet weft.
+    /// Fraction of these that hit weft.
     pub weft: f32,
-    /// Normal, unit.
+    /// Unit mean normal.
     pub normal: [f32; 3],
-    /// Direction across the yarn in the cloth's plane, unit, its larger part above 0.
+    /// Unit direction across the yarn in the cloth's plane, with its larger component positive.
     pub across: [f32; 2],
-    /// Light along the normal that is reflected, and that is scattered through: linear sRGB.
+    /// Reflectance and scattered transmittance along the normal, linear sRGB.
     pub light: [[f32; 3]; 2],
 }
 
-/// Maps over a rectangle after which a cloth repeats.
+/// Maps over a rectangular repeat of a cloth.
 pub struct Maps {
-    /// Pixels along x and y.
+    /// Number of pixels along x and y.
     pub size: [usize; 2],
-    /// The rectangle [um].
+    /// Size of the rectangle [um].
     pub size_um: [f64; 2],
-    /// Pixels, the first row at the largest y.
+    /// Pixels by row; the first row has the largest y.
     pub texels: Vec<Texel>,
-    /// Points that lines along the normal meet, spread evenly.
+    /// First hits of evenly spaced lines along the normal.
     pub points: Vec<Point>,
 }
 
-/// Most cells along a vector that a rectangle spans.
+/// Largest number of cells along a lattice vector that a rectangle spans.
 const MAX_CELLS: i32 = 64;
 
-/// The least rectangle along x and y after which a lattice of these vectors repeats [um].
+/// Size of the smallest rectangle along x and y after which a lattice with these vectors repeats [um].
 pub fn rectangle([a, b]: [[f64; 2]; 2]) -> Option<[f64; 2]> {
     let unit = a[0].hypot(a[1]).max(b[0].hypot(b[1]));
     let along = |axis: usize| {
-        let mut least: Option<f64> = None;
+        let mut smallest: Option<f64> = None;
         for i in -MAX_CELLS..=MAX_CELLS {
             for j in -MAX_CELLS..=MAX_CELLS {
                 let at = [0, 1].map(|k| f64::from(i) * a[k] + f64::from(j) * b[k]);
                 let length = at[axis];
-                if at[1 - axis].abs() < 1e-6 * unit && length > 1e-6 * unit && least.is_none_or(|l| length < l) {
-                    least = Some(length);
+                if at[1 - axis].abs() < 1e-6 * unit && length > 1e-6 * unit && smallest.is_none_or(|l| length < l) {
+                    smallest = Some(length);
                 }
             }
         }
-        least
+        smallest
     };
     Some([along(0)?, along(1)?])
 }
 
 impl Maps {
-    /// Of a cloth, with `pixels` along the longer side.
+    /// Maps of a cloth, with `pixels` along the longer side.
     ///
     /// # Errors
-    /// [`Error::Runtime`] for a cloth that repeats after no rectangle.
+    /// [`Error::Runtime`] for a cloth without a rectangular repeat.
     pub fn new(cloth: &MeanCloth, name: &str, pixels: usize) -> Result<Maps, Error> {
         let model = cloth.points();
         let Some(size_um) = rectangle(model.cell_um()) else {
@@ -105,7 +105,7 @@ impl Maps {
         Ok(Maps { size, size_um, texels, points: points.collect() })
     }
 
-    /// Mean of a number of the covered part.
+    /// Mean of a quantity over the covered area.
     pub fn mean(&self, of: impl Fn(&Texel) -> f32) -> f64 {
         let (mut sum, mut all) = (0.0, 0.0);
         for texel in &self.texels {
@@ -115,16 +115,16 @@ impl Maps {
         if all > 0.0 { sum / all } else { 0.0 }
     }
 
-    /// Share of the face that plies cover.
+    /// Fraction of the face that plies cover.
     pub fn cover(&self) -> f64 {
         self.texels.iter().map(|t| f64::from(t.cover)).sum::<f64>() / self.texels.len().max(1) as f64
     }
 }
 
-/// Lines by which normals are sampled.
+/// Number of lines along the normal by which normals are sampled.
 const POINTS: usize = 64;
 
-/// Directions of a hemisphere by the cosine.
+/// Cosine-distributed directions of a hemisphere.
 fn lights(is_up: bool) -> Vec<[f32; 3]> {
     let each = |k: usize| {
         let r2 = (k as f64 + 0.5) / DIRECTIONS as f64;
@@ -135,7 +135,7 @@ fn lights(is_up: bool) -> Vec<[f32; 3]> {
     (0..DIRECTIONS).map(each).collect()
 }
 
-/// The ply that a line along the normal meets first.
+/// The first hit of a line along the normal.
 fn point(cloth: &MeanCloth, at_um: [f64; 2]) -> Option<Point> {
     let model = cloth.points();
     let wo = [0.0, 0.0, 1.0];
@@ -165,7 +165,7 @@ fn texel(cloth: &MeanCloth, size: [usize; 2], size_um: [f64; 2], at: usize, ligh
         hit += 1;
         texel.weft += if point.kind == 1 { 1.0 } else { 0.0 };
         (0..3).for_each(|k| normal[k] += point.normal[k]);
-        // Across the yarn, as an axis: by the double angle.
+        // The direction across the yarn is an axis without sign, so its double angle is averaged.
         let [x, y] = [-point.along[1], point.along[0]];
         double[0] += x * x - y * y;
         double[1] += 2.0 * x * y;
@@ -205,7 +205,7 @@ mod tests {
     #[test]
     fn lattices_have_rectangles() {
         assert_eq!(rectangle([[500.0, 0.0], [0.0, 300.0]]), Some([500.0, 300.0]));
-        // Of a satin of five, one yarn a cell.
+        // The cell of a satin of five has one yarn.
         let [w, h] = rectangle([[100.0, 500.0], [200.0, 0.0]]).unwrap();
         assert!((w - 200.0).abs() < 1e-9 && (h - 1000.0).abs() < 1e-9, "{w} {h}");
         assert_eq!(rectangle([[100.0, 1.0], [0.0, 300.0 / 7.03]]), None);

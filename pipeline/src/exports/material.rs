@@ -1,13 +1,13 @@
-//! A cloth as an OpenPBR material: parameters fitted to its own mean BSDF by L-BFGS-B.
+//! Fits an OpenPBR material to the mean BSDF of a cloth by L-BFGS-B.
 //!
-//! The material is thin-walled OpenPBR 1.1 as MaterialX 1.39 has it: fuzz (sheen of Zeltner, Burley and
-//! Chiang 2022) over a GGX lobe of a dielectric over diffuse reflection and diffuse transmission, with a
-//! presence for the gaps. Warp and weft have lobes of their own, each about the normals of its plies: the
-//! fitted function is the mean of the material over the normals that the normal map has. The lobe's rough
-//! axis lies across the yarn. What is minimized is the squared difference of the reflected f in linear sRGB,
-//! relative to f and its mean, over directions that are even over the hemisphere, and that of the reflectance
-//! of each view. The fuzz has the color of all reflected light, the glossy lobe is white, and diffuse colors
-//! are those that come nearest at each step.
+//! The material is thin-walled OpenPBR 1.1 as in MaterialX 1.39: fuzz (the sheen of Zeltner, Burley and
+//! Chiang 2022) over a GGX lobe of a dielectric over diffuse reflection and diffuse transmission, with the
+//! geometry opacity for the gaps. Warp and weft have separate lobes, each about the normals of its plies: the
+//! fitted function is the mean of the material over the normals in the normal map. The rougher axis of a lobe
+//! lies across the yarn. The cost is the squared difference of the reflected f in linear sRGB, relative to f
+//! and its mean, over directions uniform on the hemisphere, plus that of the reflectance of each view. The
+//! fuzz has the color of all reflected light, the glossy lobe is white, and the diffuse colors are solved for
+//! by least squares at each step.
 
 use super::maps::{Maps, Point};
 use super::mean::{Bands, MeanCloth, Spectrum};
@@ -16,12 +16,12 @@ use plywave_fit::{CostGradient, LbfgsbOptions, minimize};
 use rayon::prelude::*;
 use std::f64::consts::PI;
 
-/// The lobe of a kind of yarn.
+/// The glossy lobe of a kind of yarn.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Gloss {
-    /// Roughness of OpenPBR, whose square is the GGX width.
+    /// OpenPBR's roughness, the square root of the GGX width.
     pub roughness: f64,
-    /// Anisotropy of OpenPBR.
+    /// OpenPBR's anisotropy.
     pub anisotropy: f64,
     /// Reflectance along the normal.
     pub f0: f64,
@@ -30,67 +30,66 @@ pub struct Gloss {
 /// A fitted material.
 #[derive(Clone, Debug)]
 pub struct Material {
-    /// Of warp and weft, or of the only kind twice.
+    /// Lobes of warp and weft; a cloth with one kind has the same lobe twice.
     pub gloss: [Gloss; 2],
     /// Weight and roughness of the fuzz.
     pub fuzz: [f64; 2],
-    /// Its color, linear sRGB.
+    /// Color of the fuzz, linear sRGB.
     pub fuzz_color: [f64; 3],
-    /// Mean over the views of the light that it reflects, linear sRGB.
+    /// Light that the fuzz reflects, mean over the views, linear sRGB.
     pub fuzz_energy: [f64; 3],
     /// Diffuse reflectance and diffuse transmittance, linear sRGB.
     pub diffuse: [[f64; 3]; 2],
-    /// Presence: 1 less the straight light along the normal.
+    /// Presence: 1 minus the straight light along the normal.
     pub presence: f64,
-    /// How near it comes.
+    /// Errors of the fit.
     pub fit: Fit,
     /// Parameters that ended at a bound of the fit.
     pub at_bounds: Vec<Bound>,
 }
 
-/// A parameter at a bound of the fit.
+/// A parameter that ended at a bound of the fit.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Bound {
-    /// The parameter's name in OpenPBR, and the yarn that it is of.
+    /// Name of the parameter in OpenPBR, and the yarn to which it belongs.
     pub parameter: String,
-    /// Its value.
+    /// Value of the parameter.
     pub value: f64,
-    /// Whether it cannot be larger, or cannot be smaller.
+    /// Whether the bound is the upper one.
     pub is_upper: bool,
 }
 
-/// How near a material comes to the cloth.
+/// Distance between a material and the cloth.
 #[derive(Clone, Copy, Debug)]
 pub struct Fit {
-    /// Relative L2 error of the reflected and of the transmitted f, over directions.
+    /// Relative L2 errors of the reflected and of the transmitted f, over directions.
     pub error: [f64; 2],
-    /// Mean over the views of reflectance and transmittance less straight light: of the cloth, of the
-    /// material.
+    /// Mean over the views of reflectance and of transmittance without straight light, `[cloth, material]`.
     pub energy: [[f64; 2]; 2],
-    /// Reflected and transmitted light of the material, with what passes beside fibers, of the view that has
-    /// the most of it.
+    /// Largest sum over the views of the material's reflected and transmitted light and the light that misses
+    /// all fibers.
     pub largest_total: f64,
-    /// Error of the reflected f within lobes: of directions where the glossy lobes, the fuzz and diffuse
-    /// light are the largest part of the material's.
+    /// Errors of the reflected f by lobe: over the directions in which the glossy lobes, the fuzz or diffuse
+    /// light contribute most to the material.
     pub by_lobe: [f64; 3],
-    /// Shares of these lobes in the material's reflected light.
+    /// Fractions of the material's reflected light in these lobes.
     pub shares: [f64; 3],
 }
 
 const VIEW_TILTS_DEG: [f64; 4] = [0.0, 30.0, 55.0, 72.0];
 const VIEW_AZIMUTHS: usize = 4;
-/// Directions of each hemisphere.
+/// Number of directions of each hemisphere.
 const LIGHTS: usize = 96;
-/// Weight of the relative error of a view's reflectance.
+/// Weight in the cost of the relative error of a view's reflectance.
 const ENERGY_WEIGHT: f64 = 10.0;
-/// Parameters: roughness and anisotropy of two kinds, f0, fuzz weight and roughness.
+/// Number of parameters: roughness and anisotropy of two kinds, f0, weight and roughness of the fuzz.
 const PARAMETERS: usize = 7;
 const LOWER: [f64; PARAMETERS] = [0.08, 0.0, 0.08, 0.0, 0.0, 0.0, 0.1];
-/// An f0 of a quarter is an index of 3.
+/// An f0 of 0.25 corresponds to an index of 3.
 const UPPER: [f64; PARAMETERS] = [1.0, 0.98, 1.0, 0.98, 0.25, MAX_FUZZ, 1.0];
-/// Largest weight of the fuzz: renderers and previews without it keep the diffuse light below.
+/// Largest weight of the fuzz: a renderer or preview without fuzz shows only the diffuse light below it.
 const MAX_FUZZ: f64 = 0.5;
-/// Starts; of which the best is taken.
+/// Starting points of the fit, of which the best result is used.
 const STARTS: [[f64; PARAMETERS]; 3] = [
     [0.45, 0.5, 0.45, 0.5, 0.04, 0.1, 0.5],
     [0.25, 0.8, 0.25, 0.8, 0.05, 0.1, 0.5],
@@ -110,7 +109,7 @@ fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
     [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }
 
-/// A shading frame: across the yarn, along it, normal; and the kind of yarn.
+/// A shading frame (across the yarn, along it, normal), and the kind of yarn.
 #[derive(Clone, Copy)]
 struct Frame {
     axes: [[f64; 3]; 3],
@@ -129,7 +128,7 @@ impl Frame {
     }
 }
 
-/// GGX widths of OpenPBR: across, along.
+/// GGX widths of OpenPBR across and along the yarn.
 fn widths(gloss: &Gloss) -> [f64; 2] {
     let r2 = gloss.roughness * gloss.roughness;
     let keep = 1.0 - gloss.anisotropy;
@@ -141,7 +140,7 @@ fn schlick(f0: f64, cosine: f64) -> f64 {
     f0 + (1.0 - f0) * (1.0 - cosine.clamp(0.0, 1.0)).powi(5)
 }
 
-/// The glossy lobe times the cosine of the light.
+/// Value of the glossy lobe, including the cosine of the incident light.
 fn glossy(gloss: &Gloss, wo: [f64; 3], wi: [f64; 3]) -> f64 {
     let [ax, ay] = widths(gloss);
     let m = unit([0, 1, 2].map(|k| wo[k] + wi[k]));
@@ -155,7 +154,8 @@ fn glossy(gloss: &Gloss, wo: [f64; 3], wi: [f64; 3]) -> f64 {
     schlick(gloss.f0, dot(wo, m)) * d * g / (4.0 * wo[2].max(1e-4))
 }
 
-/// Share of light that the fuzz scatters, seen at a cosine: MaterialX's fit to the tables of Zeltner et al.
+/// Fraction of light that the fuzz scatters at a cosine `x` of the viewer and roughness `y`: MaterialX's fit
+/// to the tables of Zeltner et al.
 fn fuzz_albedo(x: f64, y: f64) -> f64 {
     let s = y * (0.0206607 + 1.58491 * y) / (0.0379424 + y * (1.32227 + y));
     let m = y * (-0.193854 + y * (-1.14885 + y * (1.7932 - 0.95943 * y * y))) / (0.046391 + y);
@@ -163,7 +163,7 @@ fn fuzz_albedo(x: f64, y: f64) -> f64 {
     (-0.5 * ((x - m) / s).powi(2)).exp() / (s * (2.0 * PI).sqrt()) + o
 }
 
-/// The fuzz's lobe, of integral 1, the cosine in it: a cosine lobe, linearly transformed.
+/// Value of the fuzz's lobe, normalized to 1 and including the cosine: a linearly transformed cosine lobe.
 fn fuzz_lobe(wo: [f64; 3], wi: [f64; 3], y: f64) -> f64 {
     let x = wo[2].clamp(0.0, 1.0);
     let a = (2.58126 * x + 0.813703 * y) * y / (1.0 + 0.310327 * x * x + 2.60994 * x * y);
@@ -176,7 +176,8 @@ fn fuzz_lobe(wo: [f64; 3], wi: [f64; 3], y: f64) -> f64 {
     v[2].max(0.0) / PI * (a / length2).powi(2)
 }
 
-/// Reflected f of a material at one normal: glossy, fuzz, and what a diffuse reflectance of 1 adds.
+/// Reflected f of a material at one normal: glossy lobe, fuzz, and the contribution of a diffuse reflectance
+/// of 1.
 fn parts(gloss: &Gloss, fuzz: [f64; 2], frame: &Frame, wo: [f64; 3], wi: [f64; 3]) -> [f64; 3] {
     let (o, i) = (frame.local(wo), frame.local(wi));
     if o[2] <= 1e-3 || i[2] <= 0.0 {
@@ -195,11 +196,11 @@ fn gloss_of(x: &[f64]) -> [Gloss; 2] {
     [0, 1].map(|k| Gloss { roughness: x[2 * k], anisotropy: x[2 * k + 1], f0: x[4] })
 }
 
-/// Share of a parameter's range within which it is at a bound.
+/// Distance from a bound, relative to the parameter's range, within which a parameter counts as at the bound.
 const AT_BOUND: f64 = 1e-3;
 
-/// Fitted parameters that are at a bound; `kinds` of yarns are there. A lower bound of 0 is none: it says
-/// that there is no such effect.
+/// Fitted parameters that are at a bound; `kinds` tells which kinds of yarns exist. A lower bound of 0 does
+/// not count, because 0 means that the effect is absent.
 fn at_bounds(x: &[f64], kinds: [bool; 2]) -> Vec<Bound> {
     let yarn = |k: usize| if kinds[1 - k] { [" of the warp", " of the weft"][k] } else { "" };
     let of_kind = |name: &str, k: usize| kinds[k].then(|| format!("{name}{}", yarn(k)));
@@ -213,9 +214,9 @@ fn at_bounds(x: &[f64], kinds: [bool; 2]) -> Vec<Bound> {
         (x[5] > 0.0).then(|| "fuzz_roughness".into()),
     ];
     let bound = |(k, name): (usize, Option<String>)| {
-        let near = AT_BOUND * (UPPER[k] - LOWER[k]);
-        let is_upper = x[k] > UPPER[k] - near;
-        let is_lower = x[k] < LOWER[k] + near && LOWER[k] > 0.0;
+        let margin = AT_BOUND * (UPPER[k] - LOWER[k]);
+        let is_upper = x[k] > UPPER[k] - margin;
+        let is_lower = x[k] < LOWER[k] + margin && LOWER[k] > 0.0;
         let value = if k == 4 { Material::index(x[k]) } else { x[k] };
         name.filter(|_| is_upper || is_lower).map(|parameter| Bound { parameter, value, is_upper })
     };
@@ -226,22 +227,22 @@ fn luminance(c: [f64; 3]) -> f64 {
     plywave::color::xyz_of_linear_srgb(c)[1]
 }
 
-/// What is fitted to.
+/// Values to which the material is fitted.
 struct Target {
     frames: Vec<Frame>,
     views: Vec<[f64; 3]>,
-    /// Of the upper hemisphere.
+    /// Incident directions of the upper hemisphere.
     lights: Vec<[f64; 3]>,
-    /// `[view][light]`: f over the presence, linear sRGB.
+    /// `[view][light]`: f divided by the presence, linear sRGB.
     rgb: Vec<Vec<[f64; 3]>>,
-    /// Color of the fuzz: that of all reflected light.
+    /// Color of the fuzz, which is that of all reflected light.
     hue: [f64; 3],
     /// `[view][light]`: weights of the differences.
     weights: Vec<Vec<f64>>,
 }
 
 impl Target {
-    /// Glossy lobe, fuzz, and what a diffuse reflectance of 1 gives, of one view.
+    /// Glossy lobe, fuzz, and the contribution of a diffuse reflectance of 1, for one view.
     fn lobes(&self, x: &[f64], view: usize) -> Vec<[f64; 3]> {
         let (gloss, fuzz) = (gloss_of(x), [x[5], x[6]]);
         let share = 1.0 / self.frames.len().max(1) as f64;
@@ -256,7 +257,7 @@ impl Target {
         self.lights.iter().map(of).collect()
     }
 
-    /// The lobes of all views, and the diffuse reflectances that come nearest with them.
+    /// The lobes of all views, and the diffuse reflectances that minimize the cost with them.
     fn solved(&self, x: &[f64]) -> (Vec<Vec<[f64; 3]>>, [f64; 3]) {
         let all: Vec<_> = (0..self.views.len()).into_par_iter().map(|view| self.lobes(x, view)).collect();
         let diffuse = [0, 1, 2].map(|c| {
@@ -309,7 +310,7 @@ impl CostGradient for Target {
     }
 }
 
-/// Even directions of a hemisphere, by solid angle.
+/// Directions of a hemisphere, uniform in solid angle.
 fn even(is_up: bool) -> Vec<[f64; 3]> {
     let each = |k: usize| {
         let z = (k as f64 + 0.5) / LIGHTS as f64;
@@ -321,10 +322,10 @@ fn even(is_up: bool) -> Vec<[f64; 3]> {
 }
 
 impl Material {
-    /// Of a cloth and its maps.
+    /// Fits the material of a cloth with these maps.
     ///
     /// # Errors
-    /// [`Error::Fit`] where the minimizer fails.
+    /// [`Error::Fit`] if the minimizer fails.
     pub fn fit(cloth: &MeanCloth, maps: &Maps, name: &str) -> Result<Material, Error> {
         let bands = Bands::new();
         let presence = (1.0 - cloth.straight(&|_| [0.0, 0.0, 1.0], 8192, 1)).max(1e-3);
@@ -379,7 +380,8 @@ impl Material {
         Ok(Material::of(&target, &x, presence, &down, &below))
     }
 
-    /// Of fitted parameters; `down` is what `below` gets through, as the target has the reflected light.
+    /// The material of fitted parameters; `down` is the transmitted f of each view in the directions `below`,
+    /// in the layout of the target's reflected f.
     fn of(target: &Target, x: &[f64], presence: f64, down: &[Vec<[f64; 3]>], below: &[[f64; 3]]) -> Material {
         let (all, mut reflected) = target.solved(x);
         let mut through = [0, 1, 2].map(|c| {
@@ -393,7 +395,7 @@ impl Material {
             }
             (sum / norm).clamp(0.0, 1.0)
         });
-        // Least squares let some views have more light than came: diffuse light gives way.
+        // Least squares may give some views more light than is incident; the diffuse light is then reduced.
         let of_view = 2.0 * PI / LIGHTS as f64;
         let sums: Vec<[f64; 2]> = all
             .iter()
@@ -405,8 +407,8 @@ impl Material {
         let total = |[above, base]: &[f64; 2], reflected: [f64; 3], through: [f64; 3]| {
             above + luminance(reflected) * base + luminance(through)
         };
-        let room = |sums: &[f64; 2]| (1.0 - sums[0]) / (total(sums, reflected, through) - sums[0]).max(1e-9);
-        let share = sums.iter().map(room).fold(1.0, f64::min).max(0.0);
+        let available = |sums: &[f64; 2]| (1.0 - sums[0]) / (total(sums, reflected, through) - sums[0]).max(1e-9);
+        let share = sums.iter().map(available).fold(1.0, f64::min).max(0.0);
         reflected = reflected.map(|v| share * v);
         through = through.map(|v| share * v);
         let largest = sums.iter().map(|sums| total(sums, reflected, through)).fold(0.0, f64::max);
@@ -457,7 +459,7 @@ impl Material {
         }
     }
 
-    /// Index of refraction of a reflectance along the normal.
+    /// Index of refraction for a reflectance along the normal.
     pub fn index(f0: f64) -> f64 {
         let root = f0.clamp(0.0, 0.9).sqrt();
         (1.0 + root) / (1.0 - root)
@@ -468,7 +470,7 @@ impl Material {
 mod tests {
     use super::*;
 
-    /// An f0 of a quarter is an index of 3, by ((n - 1) / (n + 1))^2.
+    /// An f0 of 0.25 is an index of 3, by ((n - 1) / (n + 1))^2.
     #[test]
     fn parameters_at_bounds_are_found() {
         let named = |x: [f64; PARAMETERS], kinds| -> Vec<(String, f64, bool)> {
@@ -482,11 +484,11 @@ mod tests {
         let weft = ("specular_roughness_anisotropy of the weft".to_string(), 0.98, true);
         let ior = ("specular_ior".to_string(), 3.0, true);
         assert_eq!(named(x, [true; 2]), [warp, weft, ior.clone()]);
-        // A knit has one kind of yarn; without fuzz its roughness says nothing.
+        // A knit has one kind of yarn; without fuzz, the roughness of the fuzz has no meaning.
         assert_eq!(named(x, [true, false]), [("specular_roughness".to_string(), 0.08, false), ior]);
     }
 
-    /// The fuzz's lobe has an integral of 1 and GGX loses no more than its shadows do.
+    /// The fuzz's lobe integrates to 1, and GGX loses no more energy than its masking explains.
     #[test]
     fn lobes_are_normalized() {
         let n = 200;

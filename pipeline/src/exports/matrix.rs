@@ -1,4 +1,4 @@
-//! The mean BSDF of a cloth between patches of the hemisphere.
+//! Computes the mean BSDF of a cloth between patches of the hemisphere, made reciprocal with exact energies.
 
 use super::basis::{Basis, incident, outgoing};
 use super::mean::{Bands, MeanCloth, Spectrum};
@@ -6,75 +6,75 @@ use crate::error::Error;
 use crate::run::Run;
 use rayon::prelude::*;
 
-/// Bands of a matrix: visible and solar.
+/// Number of bands of a matrix: visible and solar.
 pub const BANDS: usize = 2;
-/// Names that WINDOW has for them.
+/// Names of the bands in WINDOW.
 pub const BAND_NAMES: [&str; BANDS] = ["Visible", "Solar"];
-/// Lines by which the straight light of a patch is found.
+/// Number of lines that determine the straight light of a patch.
 const LINES: u32 = 2048;
-/// Most steps of balancing.
+/// Largest number of balancing steps.
 const BALANCE_STEPS: usize = 400;
 
-/// Light of one side that leaves on one side.
+/// BSDF between the patches of two sides.
 #[derive(Clone, Debug)]
-pub struct Block {
-    /// `[band][outgoing][incident]`: BSDF [1/sr], mean over both patches; straight light is in it.
+pub struct MatrixBlock {
+    /// `[band][outgoing][incident]`: BSDF [1/sr], the mean over both patches, straight light included.
     pub values: [Vec<f64>; BANDS],
 }
 
-/// The BSDF of a cloth between all patches.
+/// BSDF of a cloth between all patches.
 #[derive(Clone, Debug)]
 pub struct Matrix {
-    /// The patches.
+    /// Basis of the patches.
     pub basis: Basis,
-    /// `[face, back][reflected, transmitted]`.
-    pub blocks: [[Block; 2]; 2],
-    /// `[face, back][incident]`: straight light, which the transmitted block holds.
+    /// `[face, back][reflected, transmitted]` blocks.
+    pub blocks: [[MatrixBlock; 2]; 2],
+    /// `[face, back][incident]`: straight light, which the transmitted block includes.
     pub straight: [Vec<f64>; 2],
-    /// What balancing has changed.
+    /// Changes by balancing.
     pub balanced: Balanced,
 }
 
-/// What the balancing of a matrix has changed.
+/// Changes of a matrix by balancing.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Balanced {
-    /// [`Matrix::asymmetry`] before it.
+    /// [`Matrix::asymmetry`] before balancing.
     pub asymmetry: f64,
-    /// Largest change of a column's energy, over the energy.
+    /// Largest relative change of a column's energy.
     pub energy_change: f64,
 }
 
-/// Directions a side of a patch over which the mean is.
+/// Numbers of directions along a side of a patch over which means are taken.
 #[derive(Clone, Copy, Debug)]
 pub struct Steps {
-    /// Of incident light.
+    /// Directions of incident light.
     pub incident: usize,
-    /// Of outgoing light.
+    /// Directions of outgoing light.
     pub outgoing: usize,
 }
 
-/// Fractions of a patch, `side * side` of them, in the middles of equal parts.
+/// Coordinates within a patch: the centers of `side * side` equal parts.
 fn fractions(side: usize) -> impl Iterator<Item = [f64; 2]> + Clone {
     let middle = move |k: usize| (k as f64 + 0.5) / side as f64;
     (0..side * side).map(move |k| [middle(k % side), middle(k / side)])
 }
 
 impl Matrix {
-    /// Of a cloth.
+    /// Computes the matrix of a cloth.
     ///
     /// # Errors
-    /// [`Error::Interrupted`] when stopped.
+    /// [`Error::Interrupted`] if the run was stopped.
     pub fn new(cloth: &MeanCloth, basis: Basis, steps: Steps, run: &Run<'_>) -> Result<Matrix, Error> {
         let bands = Bands::new();
         let n = basis.len();
-        // Of both sides of the cloth, the face first.
+        // Patches of both sides of the cloth, the face first.
         let lights: Vec<[f64; 2]> =
             (0..n).flat_map(|patch| fractions(steps.outgoing).map(move |u| basis.disk(patch, u))).collect();
         let towards = [true, false].map(|up| lights.iter().map(|at| outgoing(*at, up)).collect::<Vec<_>>());
         let per_patch = steps.outgoing * steps.outgoing;
         let share = 1.0 / (steps.incident * steps.incident) as f64;
-        // Of one incident patch: `[reflected, transmitted][band][outgoing]`, straight light, and energies of
-        // all light that leaves, by band.
+        // Column of one incident patch: `[reflected, transmitted][band][outgoing]`, straight light, and
+        // energies of all outgoing light, by band.
         type Column = ([[Vec<f64>; BANDS]; 2], f64, [f64; BANDS]);
         let column = |number: usize| -> Result<Column, Error> {
             run.check_stop()?;
@@ -91,7 +91,7 @@ impl Matrix {
                     let side = if (half == 0) == is_face { 0 } else { 1 };
                     cloth.f(wo, &towards[side], &mut f);
                     for (k, f) in f.iter().enumerate() {
-                        // f holds the cosine at the light.
+                        // f includes the cosine of the incident light.
                         let cos = f64::from(towards[side][k][2].abs());
                         let weight = share / (per_patch as f64 * cos);
                         sums[0][k / per_patch] += weight * bands.visible(f);
@@ -103,13 +103,13 @@ impl Matrix {
             for sums in &mut sums[1] {
                 sums[patch] += straight / basis.projected_solid_angle(patch);
             }
-            // What passes is found by more lines than the mean over the cell has.
+            // These lines estimate the straight light more precisely than the mean over the cell does.
             let caught = (1.0 - straight) / (1.0 - passing).max(1e-9);
             let energies = [bands.visible(&scattered), bands.solar(&scattered)].map(|e| straight + caught * e);
             Ok((sums, straight, energies))
         };
         let columns = (0..2 * n).into_par_iter().map(column).collect::<Result<Vec<_>, Error>>()?;
-        let block = |side: usize, half: usize| Block {
+        let block = |side: usize, half: usize| MatrixBlock {
             values: [0, 1].map(|band| {
                 let at = |o: usize, i: usize| columns[side * n + i].0[half][band][o];
                 (0..n * n).map(|k| at(k / n, k % n)).collect()
@@ -129,27 +129,26 @@ impl Matrix {
         Ok(matrix)
     }
 
-    /// The patch of the same directions as of light that leaves, if `at` is a side and patch of incident
-    /// light.
+    /// Side and patch of outgoing light whose directions are those of the incident state `at`.
     fn leaving(&self, at: usize) -> (usize, usize) {
         let n = self.basis.len();
         (at / n, self.basis.opposite(at % n))
     }
 
-    /// Place of the value of light from the directions of one state, a side and a patch of incident light,
-    /// towards those of another: side it comes from, half, number within the block.
+    /// Position of the value for light from the directions of one state, a side and patch of incident light,
+    /// towards those of another: side of incidence, half, and index within the block.
     fn place(&self, from: usize, to: usize) -> (usize, usize, usize) {
         let n = self.basis.len();
         let (side, patch) = self.leaving(to);
         (from / n, usize::from(side != from / n), patch * n + from % n)
     }
 
-    /// Makes a band reciprocal and its columns of these energies.
+    /// Makes a band reciprocal and gives its columns these energies.
     ///
-    /// Values of a pair of directions, one way and the other, are two estimates of the same number, whose
-    /// mean S is kept. The energies are those of the cloth's own accounts, which quadrature over patches and
-    /// S miss by some percent: S is scaled to `d(a) S(a, b) d(b)`, with the positive d that gives each column
-    /// its energy (Sinkhorn and Knopp 1967). Straight light is a part of S.
+    /// The two values of a pair of directions are estimates of the same number; S is their mean. The energies
+    /// are those of the cloth's own energy balance, from which quadrature over patches and the symmetrized S
+    /// deviate by some percent. S is scaled to `d(a) S(a, b) d(b)` with the positive d that gives each column
+    /// its energy (Sinkhorn and Knopp 1967). Straight light is part of S.
     fn balance(&mut self, band: usize, energies: &[f64]) {
         let count = 2 * self.basis.len();
         let value = |matrix: &Matrix, from: usize, to: usize| {
@@ -195,8 +194,7 @@ impl Matrix {
         }
     }
 
-    /// Reflected and transmitted light of the incident patch that has the most of it, over both sides and
-    /// bands.
+    /// Largest sum of reflected and transmitted light of an incident patch, over both sides and bands.
     pub fn largest_total(&self) -> f64 {
         let total = |side: usize, band: usize, patch: usize| -> f64 {
             (0..2).map(|half| self.energy(side, half, band, patch)).sum()
@@ -206,23 +204,23 @@ impl Matrix {
         all.map(|(side, band, patch)| total(side, band, patch)).fold(0.0, f64::max)
     }
 
-    /// Light of an incident patch that leaves in one half: sum over the outgoing ones of BSDF times projected
-    /// solid angle.
+    /// Fraction of an incident patch's light that leaves on one side: the sum over outgoing patches of the
+    /// BSDF times the projected solid angle.
     pub fn energy(&self, side: usize, half: usize, band: usize, patch: usize) -> f64 {
         let n = self.basis.len();
         let values = &self.blocks[side][half].values[band];
         (0..n).map(|o| values[o * n + patch] * self.basis.projected_solid_angle(o)).sum()
     }
 
-    /// Mean over incident light that is even over the hemisphere.
+    /// Mean of [`Matrix::energy`] over incident light that is uniform over the hemisphere.
     pub fn hemispherical(&self, side: usize, half: usize, band: usize) -> f64 {
         let of = |i: usize| self.energy(side, half, band, i) * self.basis.projected_solid_angle(i);
         (0..self.basis.len()).map(of).sum::<f64>() / std::f64::consts::PI
     }
 
-    /// How far it is from reciprocity in the visible: root mean square, by projected solid angles, of the
-    /// difference between a value and that with the directions exchanged, over that of the values. Straight
-    /// light counts.
+    /// Deviation from reciprocity in the visible band: the root mean square difference between a value and
+    /// that with exchanged directions, weighted by projected solid angles, relative to that of the values.
+    /// Straight light is included.
     pub fn asymmetry(&self) -> f64 {
         let n = self.basis.len();
         let (mut off, mut all) = (0.0, 0.0);

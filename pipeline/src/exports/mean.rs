@@ -1,11 +1,11 @@
-//! The mean of a cloth over its cell, as one who stands far away measures it: reflected, transmitted and
-//! straight light of a direction, and f between two directions.
+//! The mean of a cloth over its cell, as measured from far away: reflected, transmitted and straight light of
+//! a direction, and f between two directions.
 //!
-//! The cloth is shaded by rays ([`ClothOptions::RAYS`]): what passes beside all fibers goes straight on and
-//! is a number of its own. Diffraction would spread it by a degree, less than any of the formats resolves.
-//! Energies are means over places, by Owen-scrambled Sobol numbers whose batches give standard errors. f is
-//! the file's mean over the cell where it has one, else a mean over places; both are the same cloth, to the
-//! table's error.
+//! The cloth is shaded with rays ([`ClothOptions::RAYS`]): light that misses all fibers passes straight
+//! through and is reported separately. Diffraction would spread it by a degree, which none of the formats
+//! resolves. Energies are means over positions, by Owen-scrambled Sobol numbers in batches that yield
+//! standard errors. f is the file's mean over the cell, if the file has it, else a mean over positions; both
+//! describe the same cloth up to the error of the table.
 
 use plywave::Result;
 use plywave::bsdf::Bsdf;
@@ -13,41 +13,42 @@ use plywave::cloth::{ClothData, ClothModel, ClothOptions};
 use plywave::{ClothQuery, color};
 use std::f64::consts::{PI, TAU};
 
-/// Wavelengths of a spectrum.
+/// Number of wavelengths of a spectrum.
 pub const NODES: usize = 41;
-/// Batches of samples, of which the standard errors are.
+/// Number of batches of samples, from which standard errors are computed.
 pub const BATCHES: usize = 16;
-/// Places of the cell where the file has no mean over it; a Fibonacci number, and the one before it.
+/// Number of positions in the cell if the file has no mean over it; a Fibonacci number, followed by its
+/// predecessor.
 const PLACES: usize = 89;
 const LATTICE: usize = 55;
-/// Half-angle of the cone that counts as straight on for a normal-normal transmittance [rad].
+/// Half-angle [rad] of the cone around straight light that counts towards the normal-normal transmittance.
 pub const CONE_RAD: f64 = 5.0 * PI / 180.0;
 
-/// Wavelength of a node [um]: 0.38 to 0.78 by 10 nm.
+/// Wavelength of a node [um]: 0.38 to 0.78 in steps of 0.01.
 pub fn lambda_um(node: usize) -> f64 {
     0.38 + 0.01 * node as f64
 }
 
-/// Absorptions beyond the visible [1/um]; absent: those at its ends.
+/// Absorptions outside the visible range [1/um]; a missing one equals that at the end of the visible range.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct BeyondVisible {
-    /// Below 0.38 um.
+    /// Absorption below 0.38 um.
     pub uv_per_um: Option<f64>,
-    /// Above 0.78 um.
+    /// Absorption above 0.78 um.
     pub ir_per_um: Option<f64>,
 }
 
-/// A quantity over the wavelength.
+/// A quantity as a function of wavelength.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Spectrum {
-    /// At the nodes.
+    /// Values at the nodes.
     pub visible: [f64; NODES],
-    /// Below 0.38 um, and above 0.78 um.
+    /// Values below 0.38 um and above 0.78 um.
     pub ends: [f64; 2],
 }
 
 impl Spectrum {
-    /// Nothing.
+    /// The spectrum that is 0 everywhere.
     pub const ZERO: Spectrum = Spectrum { visible: [0.0; NODES], ends: [0.0; 2] };
 
     /// The same number at every wavelength.
@@ -55,13 +56,13 @@ impl Spectrum {
         Spectrum { visible: [value; NODES], ends: [value; 2] }
     }
 
-    /// Adds `share` of another.
+    /// Adds another spectrum times `share`.
     pub fn add(&mut self, share: f64, other: &Spectrum) {
         self.visible.iter_mut().zip(&other.visible).for_each(|(a, b)| *a += share * b);
         self.ends.iter_mut().zip(&other.ends).for_each(|(a, b)| *a += share * b);
     }
 
-    /// At a wavelength [um], linear between the nodes.
+    /// Value at a wavelength [um], linear between the nodes.
     pub fn at(&self, lambda: f64) -> f64 {
         let x = (lambda - 0.38) * 100.0;
         if x < -1e-9 {
@@ -76,18 +77,18 @@ impl Spectrum {
     }
 }
 
-/// What becomes of light of one direction, or of a mean over some.
+/// Energies of light incident from one direction, or of a mean over directions.
 #[derive(Clone, Copy, Debug)]
 pub struct Energies {
-    /// Light that leaves on the side it came from.
+    /// Light that leaves on the side of incidence.
     pub reflected: Spectrum,
-    /// Scattered light that leaves on the other side, without the straight light.
+    /// Scattered light that leaves on the other side, without straight light.
     pub transmitted: Spectrum,
-    /// The part of it within [`CONE_RAD`] of straight on.
+    /// The part of the transmitted light within [`CONE_RAD`] of the straight direction.
     pub forward: Spectrum,
-    /// Light that passes beside all fibers, the same at every wavelength.
+    /// Light that misses all fibers, the same at every wavelength.
     pub straight: f64,
-    /// Share of the lines that meet no ply.
+    /// Fraction of the lines that miss all plies.
     pub open: f64,
 }
 
@@ -101,7 +102,7 @@ pub struct Estimate {
 }
 
 impl Estimate {
-    /// Of a number for each batch.
+    /// Estimate from one value per batch.
     pub fn of(batches: &[f64]) -> Estimate {
         let n = batches.len().max(1) as f64;
         let value = batches.iter().sum::<f64>() / n;
@@ -110,11 +111,11 @@ impl Estimate {
     }
 }
 
-/// A cloth as one who stands far away sees it.
+/// A cloth averaged over its cell.
 pub struct MeanCloth {
     points: ClothModel,
     far: Option<ClothModel>,
-    /// Cells along each vector over which its colors repeat.
+    /// Number of cells along each vector after which the colors repeat.
     cells: f64,
     kinds: Vec<usize>,
     beyond: BeyondVisible,
@@ -122,7 +123,7 @@ pub struct MeanCloth {
 }
 
 impl MeanCloth {
-    /// Of a cloth; `sigma_per_um` is one absorption at every wavelength in place of its colors.
+    /// The mean of a cloth; `sigma_per_um` is one absorption at every wavelength that overrides the colors.
     ///
     /// # Errors
     /// Those of [`ClothModel::from_data`].
@@ -134,7 +135,7 @@ impl MeanCloth {
         };
         let cells = match sigma_per_um {
             Some(_) => 1,
-            None => data.colors.iter().map(Vec::len).max().unwrap_or(1).max(1),
+            None => data.looks.iter().map(|look| look.colors.len()).max().unwrap_or(1).max(1),
         };
         Ok(MeanCloth {
             points: ClothModel::from_data(data.clone(), &options)?,
@@ -146,7 +147,7 @@ impl MeanCloth {
         })
     }
 
-    /// The cloth at points.
+    /// The cloth model at single points.
     pub fn points(&self) -> &ClothModel {
         &self.points
     }
@@ -156,25 +157,26 @@ impl MeanCloth {
         self.kinds.get(curve).copied().unwrap_or(0)
     }
 
-    /// Whether f is the mean that the file has.
+    /// Whether f comes from the file's mean over the cell.
     pub fn has_far(&self) -> bool {
         self.far.is_some()
     }
 
-    /// Absorptions beyond the visible.
+    /// Absorptions outside the visible range.
     pub fn beyond(&self) -> BeyondVisible {
         self.beyond
     }
 
-    /// Absorptions below and above the visible as a query has them, where one is given; an end without has
-    /// the absorption of the visible's, so that its number is taken from there.
+    /// Absorptions below and above the visible range for a query, if one of them is given. A missing one is
+    /// set to 0; its value is taken from the end of the visible range instead.
     fn ends(&self) -> Option<[f32; 2]> {
         let BeyondVisible { uv_per_um, ir_per_um } = self.beyond;
-        let given = uv_per_um.is_some() || ir_per_um.is_some();
-        given.then(|| [uv_per_um, ir_per_um].map(|sigma| sigma.unwrap_or(0.0) as f32))
+        let has_ends = uv_per_um.is_some() || ir_per_um.is_some();
+        has_ends.then(|| [uv_per_um, ir_per_um].map(|sigma| sigma.unwrap_or(0.0) as f32))
     }
 
-    /// A spectrum of the numbers at the nodes and, where absorptions beyond are given, at these.
+    /// The spectrum of values at the nodes and, if absorptions outside the visible range are given, of values
+    /// there.
     fn spectrum(&self, visible: &[f32; NODES], ends: Option<[f32; 2]>) -> Spectrum {
         let visible = visible.map(f64::from);
         let [uv, ir] = ends.unwrap_or_default().map(f64::from);
@@ -194,8 +196,8 @@ impl MeanCloth {
         }
     }
 
-    /// Means of each batch of light from the directions that `wo` makes of two uniform numbers; `samples` is
-    /// of all batches.
+    /// Mean energies of each batch for light from the directions to which `wo` maps two uniform numbers;
+    /// `samples` is the total over all batches.
     pub fn energies(&self, wo: &(dyn Fn([f64; 2]) -> [f32; 3] + Sync), samples: usize, seed: u32) -> Vec<Energies> {
         use rayon::prelude::*;
         let count = samples.div_ceil(BATCHES).clamp(1, 1 << 16) as u32;
@@ -239,7 +241,7 @@ impl MeanCloth {
                         add(s.w, &self.spectrum(&s.weight, None));
                     }
                 }
-                // Drawn apart: their directions differ.
+                // Visible and end wavelengths are sampled separately, because their directions differ.
                 Some(ends) => {
                     if let Some(s) = sample.direction() {
                         add(s.w, &self.spectrum(&s.weight, Some([0.0; 2])));
@@ -255,7 +257,7 @@ impl MeanCloth {
         sum
     }
 
-    /// A place of the cloth, even over its cell and the cells over which its colors repeat.
+    /// A position uniform over the cell and over the cells after which colors repeat.
     fn place(&self, [a, b, i, j]: [f32; 4]) -> [f32; 2] {
         let [x, y] = self.points.cell_um();
         let cell = |u: f32| (f64::from(u) * self.cells).floor();
@@ -263,7 +265,7 @@ impl MeanCloth {
         [0, 1].map(|k| (a * x[k] + b * y[k]) as f32)
     }
 
-    /// Straight light of some directions, mean over these and `count` places.
+    /// Straight light, as the mean over directions and over `count` positions.
     pub fn straight(&self, wo: &dyn Fn([f64; 2]) -> [f32; 3], count: u32, seed: u32) -> f64 {
         let mut sum = 0.0;
         for k in 0..count {
@@ -277,8 +279,8 @@ impl MeanCloth {
         sum / f64::from(count.max(1))
     }
 
-    /// Light of `wo` that the cloth scatters, and what passes beside all fibers, of the mean that
-    /// [`MeanCloth::f`] has.
+    /// Light from `wo` that the cloth scatters, and light that misses all fibers, both for the mean that
+    /// [`MeanCloth::f`] uses.
     pub fn energy(&self, wo: [f32; 3]) -> (Spectrum, f64) {
         let (mut scattered, mut passing) = (Spectrum::ZERO, 0.0);
         self.each_place(wo, &mut |model, query, share| {
@@ -290,7 +292,8 @@ impl MeanCloth {
         (scattered, passing)
     }
 
-    /// The queries whose mean is that over the cell, with their shares: one where the file has the mean.
+    /// Calls `of` with the queries whose weighted mean is the mean over the cell, and their weights: one
+    /// query if the file has the mean.
     fn each_place(&self, wo: [f32; 3], of: &mut dyn FnMut(&ClothModel, &ClothQuery<'_, NODES>, f64)) {
         let (model, footprint_um, places) = match &self.far {
             Some(far) => (far, f32::MAX, 1),
@@ -305,8 +308,8 @@ impl MeanCloth {
         }
     }
 
-    /// f [1/sr], the BSDF times the cosine of `w`, for light of `wo` that leaves towards each `w`; into `f`,
-    /// which has as many. Straight light is not in it.
+    /// f [1/sr], the BSDF times the cosine of `w`, for light from `wo` that leaves towards each `w`; written
+    /// to `f`, which has the same length. Straight light is excluded.
     pub fn f(&self, wo: [f32; 3], w: &[[f32; 3]], f: &mut [Spectrum]) {
         f.fill(Spectrum::ZERO);
         let (mut visible, mut pdf) = (vec![[0.0f32; NODES]; w.len()], vec![0.0f32; w.len()]);
@@ -323,7 +326,7 @@ impl MeanCloth {
     }
 }
 
-/// Directions of a hemisphere by the cosine, of two uniform numbers.
+/// A cosine-distributed direction of a hemisphere from two uniform numbers.
 pub fn diffuse(is_face: bool, [u, v]: [f64; 2]) -> [f32; 3] {
     let r = u.sqrt();
     let (sin, cos) = (TAU * v).sin_cos();
@@ -331,20 +334,20 @@ pub fn diffuse(is_face: bool, [u, v]: [f64; 2]) -> [f32; 3] {
     [(r * cos) as f32, (r * sin) as f32, (if is_face { z } else { -z }) as f32]
 }
 
-/// Weights by which a spectrum becomes a number.
+/// Weights that reduce a spectrum to single numbers.
 #[derive(Clone, Debug)]
 pub struct Bands {
-    /// XYZ under D65 of the observers of 1931 and 1964; Y of 1931 is the visible band.
+    /// XYZ under D65 for the 1931 observer; its Y is the visible band.
     pub xyz: [[f64; NODES]; 3],
-    /// Those of 1964.
+    /// XYZ under D65 for the 1964 observer.
     pub xyz_10: [[f64; NODES]; 3],
     /// Global solar radiation of EN 410, at the nodes.
     pub solar: [f64; NODES],
-    /// Its shares below and above the visible.
+    /// Fractions of the solar radiation below and above the visible range.
     pub solar_ends: [f64; 2],
 }
 
-/// Wavelengths [nm] and shares [1e-4] of global solar radiation (EN 410, Table 2).
+/// Wavelengths [nm] and fractions [1e-4] of global solar radiation (EN 410, Table 2).
 const SOLAR: [(u32, u32); 56] = [
     (300, 5),
     (320, 69),
@@ -405,7 +408,7 @@ const SOLAR: [(u32, u32); 56] = [
 ];
 
 impl Bands {
-    /// Of the CIE's tables and EN 410's.
+    /// The weights from the tables of the CIE and of EN 410.
     pub fn new() -> Bands {
         let hat = |node: usize, lambda: f64| (1.0 - (100.0 * (lambda - lambda_um(node))).abs()).max(0.0);
         let (mut xyz, mut xyz_10, mut solar) = ([[0.0; NODES]; 3], [[0.0; NODES]; 3], [0.0; NODES]);
@@ -421,7 +424,7 @@ impl Bands {
             let share = f64::from(share) * 1e-4;
             match nm {
                 ..380 => solar_ends[0] += share,
-                // Its tabulated wavelengths are nodes.
+                // The wavelengths tabulated in this range are nodes.
                 380..=780 => solar[((nm - 380) / 10) as usize] += share,
                 _ => solar_ends[1] += share,
             }
@@ -429,12 +432,12 @@ impl Bands {
         Bands { xyz, xyz_10, solar, solar_ends }
     }
 
-    /// Visible: Y under D65, observer of 1931.
+    /// Visible value: Y under D65 for the 1931 observer.
     pub fn visible(&self, s: &Spectrum) -> f64 {
         dot(&self.xyz[1], s)
     }
 
-    /// XYZ under D65, observer of 1931.
+    /// XYZ under D65 for the 1931 observer.
     pub fn xyz(&self, s: &Spectrum) -> [f64; 3] {
         [0, 1, 2].map(|k| dot(&self.xyz[k], s))
     }
@@ -444,20 +447,20 @@ impl Bands {
         color::linear_srgb_of_xyz(self.xyz(s))
     }
 
-    /// Linear sRGB under D65; a color out of its gamut is made paler at its luminance.
+    /// Linear sRGB under D65; a color outside the gamut is desaturated at constant luminance.
     pub fn rgb_in_gamut(&self, s: &Spectrum) -> [f64; 3] {
         let (rgb, y) = (self.rgb(s), self.visible(s).max(0.0));
-        let least = rgb.iter().copied().fold(f64::INFINITY, f64::min);
-        let keep = if least < 0.0 { y / (y - least) } else { 1.0 };
+        let min = rgb.iter().copied().fold(f64::INFINITY, f64::min);
+        let keep = if min < 0.0 { y / (y - min) } else { 1.0 };
         rgb.map(|v| (y + keep * (v - y)).max(0.0))
     }
 
-    /// CIELAB under D65, observer of 1964.
+    /// CIELAB under D65 for the 1964 observer.
     pub fn lab_10(&self, s: &Spectrum) -> [f64; 3] {
         color::lab_of_xyz_10([0, 1, 2].map(|k| dot(&self.xyz_10[k], s)))
     }
 
-    /// Solar.
+    /// Solar value, by global solar radiation.
     pub fn solar(&self, s: &Spectrum) -> f64 {
         dot(&self.solar, s) + self.solar_ends[0] * s.ends[0] + self.solar_ends[1] * s.ends[1]
     }
@@ -477,7 +480,7 @@ fn dot(weights: &[f64; NODES], s: &Spectrum) -> f64 {
 mod tests {
     use super::*;
 
-    /// A white spectrum is 1 in every band, and a ramp has the color of the 81 nodes.
+    /// A white spectrum is 1 in every band, and a ramp has the color computed from the 81 nodes.
     #[test]
     fn bands_are_those_of_the_tables() {
         let bands = Bands::new();
@@ -489,7 +492,7 @@ mod tests {
         (0..NODES).for_each(|node| ramp.visible[node] = 2.0 * lambda_um(node) - 0.7);
         let want = color::xyz_of_reflectance(|l| 2.0 * l - 0.7);
         assert!(bands.xyz(&ramp).iter().zip(want).all(|(a, b)| (a - b).abs() < 1e-12));
-        // A narrow green is beyond sRGB: its luminance stays.
+        // A narrow green lies outside sRGB; its luminance is preserved.
         let mut green = Spectrum::ZERO;
         green.visible[14] = 1.0;
         let (rgb, y) = (bands.rgb_in_gamut(&green), bands.visible(&green));

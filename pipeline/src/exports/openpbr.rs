@@ -1,4 +1,4 @@
-//! OpenPBR 1.1 as MaterialX 1.39, with textures over the repeat.
+//! Writes a cloth as an OpenPBR 1.1 material in MaterialX 1.39, with textures over the repeat.
 
 use super::maps::{Maps, Texel};
 use super::material::Material;
@@ -7,24 +7,24 @@ use super::window_xml::escaped;
 use crate::error::Error;
 use std::fmt::Write;
 
-/// Textures of a material: names relative to its folder, and bytes.
+/// Textures of a material: names relative to the material's folder, and bytes.
 pub struct TextureFiles {
     /// The files.
     pub files: Vec<(String, Vec<u8>)>,
-    /// Names of them, by what they hold.
+    /// Names of the files, in the order of [`TEXTURES`].
     pub names: [String; 7],
 }
 
-/// What the textures hold, in the order of their names.
+/// Contents of the textures, in the order of their names.
 pub const TEXTURES: [&str; 7] =
     ["base_color", "transmission_color", "roughness", "anisotropy", "tangent", "normal", "opacity"];
 
-/// Names of the textures beside a file, in a folder of this stem.
+/// Names of the textures beside a main file, in a folder named after its stem.
 pub fn texture_names(stem: &str) -> [String; 7] {
     TEXTURES.map(|what| format!("{stem}_maps/{what}.png"))
 }
 
-/// A name that MaterialX and USD take: letters, digits and underscores.
+/// Converts a name to one that MaterialX and USD accept: letters, digits and underscores.
 pub fn identifier(name: &str) -> String {
     let mut out: String = name.chars().map(|c| if c.is_ascii_alphanumeric() { c } else { '_' }).collect();
     if !out.starts_with(|c: char| c.is_ascii_alphabetic()) {
@@ -34,7 +34,8 @@ pub fn identifier(name: &str) -> String {
 }
 
 impl TextureFiles {
-    /// Of a material, with these names of [`TEXTURES`]; `made_by` is what they say of their origin.
+    /// Textures of a material with these names, in the order of [`TEXTURES`]; `made_by` is the text about
+    /// their origin.
     ///
     /// # Errors
     /// [`Error::Export`] for a texture that cannot be encoded.
@@ -64,7 +65,8 @@ impl TextureFiles {
     }
 }
 
-/// The document. A unit of the surface's texture coordinates is `mm_per_uv` of the cloth, or a repeat.
+/// The MaterialX document. A unit of the surface's texture coordinates is `mm_per_uv` of the cloth, or one
+/// repeat.
 pub fn mtlx(
     name: &str,
     maps: &Maps,
@@ -124,7 +126,7 @@ pub fn mtlx(
     input("specular_ior", "float", number(Material::index(material.gloss[0].f0)));
     input("subsurface_weight", "float", number(textures.mix));
     input("subsurface_color", "color3", Ok("transmission_color"));
-    // Thin-walled, all of it goes through.
+    // In a thin-walled material, all subsurface light is transmitted.
     input("subsurface_scatter_anisotropy", "float", number(1.0));
     input("fuzz_weight", "float", number(material.fuzz[0]));
     let [r, g, b] = material.fuzz_color;

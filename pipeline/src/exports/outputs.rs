@@ -1,4 +1,4 @@
-//! The files that a format writes, and how those of an earlier export are told from all others.
+//! The files that a format writes, and the marks that distinguish files of an earlier export from all others.
 
 use super::Format;
 use super::openpbr::texture_names;
@@ -6,23 +6,23 @@ use crate::error::Error;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
-/// Bytes at the start of a file among which its mark is.
+/// Number of bytes at the start of a file in which its mark is searched.
 const HEAD: u64 = 1 << 16;
-/// How the CSV of a report begins, which has no place for a mark.
+/// Start of a report's CSV, which identifies it in place of a mark.
 pub const CSV_HEAD: &str = "side,tilt_deg,azimuth_deg";
 
-/// What each file of a format says of its origin.
+/// Text by which each file of a format names its origin.
 pub fn mark(format: Format) -> String {
     format!("plywave export: {}", format.name())
 }
 
-/// The ending of a path, in small letters.
+/// Ending of a path, in lower case.
 pub fn ending(path: &Path) -> String {
     path.extension().map(|e| e.to_string_lossy().to_ascii_lowercase()).unwrap_or_default()
 }
 
-/// What the files beside a main file begin with: its name without ending, and the format, so that two formats
-/// never share them.
+/// Common start of the names of files beside a main file: its name without ending, and the format, so that
+/// two formats never share files.
 pub fn stem_beside(format: Format, main: &Path) -> String {
     let stem = main.file_stem().map(|s| s.to_string_lossy().into_owned()).unwrap_or_default();
     let suffix = format!("_{}", format.name());
@@ -43,8 +43,8 @@ impl Format {
         all
     }
 
-    /// Refuses to replace files that this format has not written: those of other formats, of other commands
-    /// and of other programs.
+    /// Refuses to replace files that this format did not write: those of other formats, commands and
+    /// programs.
     ///
     /// # Errors
     /// [`Error::Runtime`] for such a file, and for one that cannot be read.
@@ -61,7 +61,7 @@ impl Format {
         }
     }
 
-    /// The path, if there is a file that this format has not written.
+    /// The path, if a file exists there that this format did not write.
     fn foreign(self, path: &Path) -> plywave::Result<Option<PathBuf>> {
         if !path.exists() {
             return Ok(None);

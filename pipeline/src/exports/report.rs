@@ -1,9 +1,9 @@
-//! The report of a cloth: what a lab measures of it, with standard errors.
+//! The report of a cloth: quantities that a textile or glazing lab measures, with standard errors.
 //!
-//! R and T are directional-hemispherical, T with the straight light in it; by Helmholtz they are also those
-//! of even light that a detector sees from that direction, as an integrating sphere has it. The five numbers
-//! of EN 14501 are of light along the normal: solar T, R and A, visible T, and the visible transmittance into
-//! a cone of five degrees about straight on.
+//! R and T are directional-hemispherical, with the straight light in T; by Helmholtz reciprocity they are
+//! also the hemispherical-directional quantities that a detector measures in an integrating sphere. The five
+//! numbers of EN 14501 are for light along the normal: solar T, R and A, visible T, and the visible
+//! transmittance into a cone of five degrees about the straight direction.
 
 use super::Format;
 use super::mean::{BATCHES, Bands, Energies, Estimate, MeanCloth, Spectrum, diffuse};
@@ -12,25 +12,25 @@ use super::window_xml::escaped;
 use serde::Serialize;
 use std::fmt::Write;
 
-/// A direction that light comes from.
+/// Direction of incident light.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct View {
-    /// Angle from the normal of the side that the light comes from [rad].
+    /// Angle from the normal of the side of incidence [rad].
     pub tilt_rad: f64,
     /// Azimuth from x, the weft, towards y, the warp [rad].
     pub azimuth_rad: f64,
-    /// Whether it comes to the face.
+    /// Whether the light is incident on the face.
     pub is_face: bool,
 }
 
 impl View {
-    /// The direction to where the light comes from.
+    /// The direction towards the light.
     pub fn direction(&self) -> [f32; 3] {
         let ((s, z), (sin, cos)) = (self.tilt_rad.sin_cos(), self.azimuth_rad.sin_cos());
         [(s * cos) as f32, (s * sin) as f32, (if self.is_face { z } else { -z }) as f32]
     }
 
-    /// The views of a report: six tilts, three azimuths, both sides.
+    /// The default views of a report: six tilts, three azimuths, both sides.
     pub fn usual() -> Vec<View> {
         let mut views = Vec::new();
         for is_face in [true, false] {
@@ -47,32 +47,33 @@ impl View {
     }
 }
 
-/// Light of one direction, or even over a hemisphere.
+/// Measured quantities for light from one direction, or uniform over a hemisphere.
 #[derive(Clone, Debug, Serialize)]
 pub struct Row {
     /// The direction; `None` for the mean over a hemisphere.
     pub view: Option<View>,
-    /// Whether the light comes to the face.
+    /// Whether the light is incident on the face.
     pub is_face: bool,
     /// Visible reflectance.
     pub reflected: Estimate,
     /// Visible transmittance, straight light included.
     pub transmitted: Estimate,
-    /// Light that passes beside all fibers.
+    /// Light that misses all fibers.
     pub straight: Estimate,
-    /// Share of the lines that meet no ply.
+    /// Fraction of the lines that miss all plies.
     pub openness: Estimate,
-    /// Visible transmittance into a cone of five degrees about straight on, straight light included.
+    /// Visible transmittance into a cone of five degrees about the straight direction, straight light
+    /// included.
     pub into_cone: Estimate,
     /// Solar reflectance.
     pub solar_reflected: Estimate,
     /// Solar transmittance.
     pub solar_transmitted: Estimate,
-    /// Solar absorptance: the rest.
+    /// Solar absorptance: 1 minus solar reflectance and transmittance.
     pub solar_absorbed: Estimate,
-    /// CIELAB of the reflected light, D65 and the observer of 1964.
+    /// CIELAB of the reflected light, D65 and the 1964 observer.
     pub lab_reflected: [Estimate; 3],
-    /// CIELAB of the transmitted light.
+    /// CIELAB of the transmitted light, D65 and the 1964 observer.
     pub lab_transmitted: [Estimate; 3],
 }
 
@@ -84,7 +85,8 @@ impl Row {
             all.add(1.0, &e.transmitted);
             all
         };
-        // CIELAB is not linear: the color is that of the mean, its errors those of the batches'.
+        // CIELAB is not linear: the color is that of the mean spectrum, and its errors are those of the
+        // batches' colors.
         let lab = |light: &dyn Fn(&Energies) -> Spectrum| {
             let mut mean = Spectrum::ZERO;
             batches.iter().for_each(|e| mean.add(1.0 / batches.len() as f64, &light(e)));
@@ -108,35 +110,35 @@ impl Row {
     }
 }
 
-/// The report.
+/// A report on a cloth.
 #[derive(Clone, Debug, Serialize)]
 pub struct Report {
-    /// What made it.
+    /// Text about the program that made the report.
     pub made_by: String,
     /// Name of the cloth.
     pub cloth: String,
     /// Program version.
     pub program_version: String,
-    /// Samples of each row.
+    /// Number of samples for each row.
     pub samples: usize,
     /// Seed of the samples.
     pub seed: u32,
-    /// Light along the normal, to the face and to the back.
+    /// Light along the normal, incident on the face and on the back.
     pub normal: [Row; 2],
-    /// Light even over the hemisphere, to the face and to the back.
+    /// Light uniform over the hemisphere, incident on the face and on the back.
     pub diffuse: [Row; 2],
-    /// By angle.
+    /// Rows by angle.
     pub rows: Vec<Row>,
-    /// Ultraviolet protection factor, where an absorption of the ultraviolet was given.
+    /// Ultraviolet protection factor, if an absorption of the ultraviolet was given.
     pub upf: Option<Estimate>,
-    /// Shares of the solar spectrum below and above the visible, where absorption is assumed.
+    /// Fractions of the solar spectrum below and above the visible range, where absorption is assumed.
     pub solar_beyond: [f64; 2],
-    /// What is assumed, one a line.
+    /// Assumptions, one per line.
     pub notes: Vec<String>,
 }
 
 impl Report {
-    /// Of a cloth, by these views.
+    /// Computes the report of a cloth for these views.
     pub fn new(
         cloth: &MeanCloth,
         name: &str,
@@ -185,14 +187,14 @@ impl Report {
         })
     }
 
-    /// Reflected and transmitted light of the row that has the most of it, less three standard errors.
+    /// Largest sum of reflected and transmitted light over the rows, minus three standard errors.
     pub fn largest_total(&self) -> f64 {
-        // What is absorbed is the rest, sample by sample.
+        // Absorbed light is the remainder of each sample, so its error is that of the sum.
         let total = |row: &Row| 1.0 - row.solar_absorbed.value - 3.0 * row.solar_absorbed.se;
         self.normal.iter().chain(&self.diffuse).chain(&self.rows).map(total).fold(0.0, f64::max)
     }
 
-    /// As the text of a file with this ending.
+    /// The report as the text of a file with this ending.
     pub fn text(&self, ending: &str) -> String {
         match ending {
             "json" => self.json(),
@@ -202,9 +204,9 @@ impl Report {
         }
     }
 
-    /// As JSON.
+    /// The report as JSON.
     pub fn json(&self) -> String {
-        // Its numbers are finite.
+        // Its numbers are finite, so serialization cannot fail.
         serde_json::to_string_pretty(self).unwrap_or_default() + "\n"
     }
 
@@ -226,7 +228,7 @@ impl Report {
         out
     }
 
-    /// As one page of Markdown.
+    /// The report as one page of Markdown.
     pub fn markdown(&self) -> String {
         let mut out = format!("# {}\n\n", self.cloth);
         for line in self.notes.iter().chain([&self.made()]) {
@@ -241,7 +243,7 @@ impl Report {
         out
     }
 
-    /// As one page of HTML.
+    /// The report as one page of HTML.
     pub fn html(&self) -> String {
         let name = escaped(&self.cloth);
         let mut out = format!(
@@ -315,13 +317,13 @@ impl Report {
     }
 }
 
-/// Title, head and rows of a table of the page.
+/// Title, header and rows of a table on the page.
 type PageTable = (&'static str, Vec<String>, Vec<Vec<String>>);
-/// A number of a row.
+/// A quantity of a row.
 type Quantity = fn(&Row) -> Estimate;
 
-/// 1 over the transmittance in the ultraviolet, whose absorption is one number, so that the weights of sun
-/// and skin cancel.
+/// Ultraviolet protection factor: 1 over the transmittance in the ultraviolet. The absorption there is a
+/// single number, so the weights of sunlight and skin cancel.
 fn protection(batches: &[Energies]) -> Estimate {
     let through = |e: &Energies| e.straight + e.transmitted.ends[0];
     let mean = Estimate::of(&batches.iter().map(through).collect::<Vec<_>>());

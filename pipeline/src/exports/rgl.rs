@@ -1,13 +1,13 @@
-//! The reflection of a cloth's face in the format of Dupuy and Jakob, "An Adaptive Parameterization for
-//! Efficient Material Acquisition and Rendering" (ACM TOG 37(6), 2018).
+//! Writes the reflection of a cloth's face in the format of Dupuy and Jakob, "An Adaptive Parameterization
+//! for Efficient Material Acquisition and Rendering" (ACM TOG 37(6), 2018).
 //!
-//! A reader finds, for light from omega_i, the half vector m of a direction, `u = (sqrt(2 theta_m / pi),
-//! (phi_m + pi) / 2 pi)`, and the number of the unit square whose warp by `vndf` gives u; it returns the
-//! spectrum there times `ndf(u) / (4 sigma)`, which is the BSDF times the cosine. Here vndf is even, so that
-//! the warp is the identity, ndf is 1 and sigma a quarter: spectra hold f itself at half vectors. A
-//! cylinder's light keeps to half vectors at right angles to it whatever omega_i is, so that it stays in
-//! place between the nodes of omega_i. `luminance` is what samples are drawn by: f times `|d omega / du|`.
-//! Readers take files with colors, for renderers of RGB, and files with spectra apart, for spectral ones.
+//! For light from omega_i and a direction with half vector m, a reader computes `u = (sqrt(2 theta_m / pi),
+//! (phi_m + pi) / 2 pi)` and the point of the unit square that the warp by `vndf` maps to u; it returns the
+//! spectrum at that point times `ndf(u) / (4 sigma)`, which is the BSDF times the cosine. Here vndf is
+//! uniform, so that the warp is the identity, ndf is 1 and sigma 1/4: the spectra contain f itself, indexed
+//! by half vectors. The light of a cylinder concentrates at half vectors perpendicular to it for every
+//! omega_i, so its position does not change between the nodes of omega_i. Readers sample by `luminance`: f
+//! times `|d omega / du|`. Renderers of RGB read files with colors, spectral ones files with spectra.
 
 use super::Format;
 use super::mean::{Bands, MeanCloth, NODES, Spectrum, lambda_um};
@@ -18,34 +18,33 @@ use crate::run::Run;
 use rayon::prelude::*;
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
-/// Sizes of a file.
+/// Numbers of nodes of a file.
 #[derive(Clone, Copy, Debug)]
 pub struct RglSize {
-    /// Nodes of the azimuth of omega_i over a whole turn.
+    /// Number of nodes of the azimuth of omega_i over a full turn.
     pub phi_i: usize,
-    /// Nodes of theta_i.
+    /// Number of nodes of theta_i.
     pub theta_i: usize,
-    /// Nodes of a half vector's theta and phi; readers want as many of both.
+    /// Numbers of nodes of a half vector's theta and phi; readers require both to be equal.
     pub half: [usize; 2],
 }
 
 /// Largest theta_i [rad].
 const LAST_THETA: f64 = 86.0 * PI / 180.0;
-/// Every this many nodes of the spectrum is one of the file.
+/// Every `NODE_STEP`-th node of the spectrum is written to the file.
 const NODE_STEP: usize = 5;
 
-/// A file and how much light it has.
+/// A file and its energies.
 pub struct Rgl {
-    /// The bytes.
+    /// Bytes of the file.
     pub bytes: Vec<u8>,
-    /// Reflected light of the file and transmitted light of the cloth, of the omega_i that has the most of
-    /// both.
+    /// Largest sum over omega_i of the file's reflected light and the cloth's transmitted light.
     pub largest_total: f64,
-    /// Largest change of a view's light when it was scaled to the cloth's.
+    /// Largest relative change of a view's light when it was scaled to the cloth's.
     pub energy_change: f64,
 }
 
-/// Light of one direction of omega_i.
+/// Values for one direction omega_i.
 struct View {
     rgb: Vec<[f32; 3]>,
     spectra: Vec<[f32; (NODES - 1) / NODE_STEP + 1]>,
@@ -54,10 +53,10 @@ struct View {
     change: f64,
 }
 
-/// Directions of the hemisphere by which reflected light is summed: rows finer towards the plane, columns.
+/// Numbers of directions over which reflected light is summed: rows, denser towards the plane, and columns.
 const SUM: [usize; 2] = [64, 96];
 
-/// Visible light of `wi` that the face reflects.
+/// Visible light from `wi` that the face reflects.
 fn reflected(cloth: &MeanCloth, wi: [f32; 3], bands: &Bands) -> f64 {
     let (mut w, mut omega) = (Vec::new(), Vec::new());
     for row in 0..SUM[0] {
@@ -75,16 +74,16 @@ fn reflected(cloth: &MeanCloth, wi: [f32; 3], bands: &Bands) -> f64 {
     f.iter().zip(omega).map(|(f, omega)| omega * bands.visible(f)).sum()
 }
 
-/// Of a cloth.
+/// Computes the file of a cloth.
 ///
 /// # Errors
-/// [`Error::Interrupted`] when stopped.
+/// [`Error::Interrupted`] if the run was stopped.
 pub fn rgl(cloth: &MeanCloth, name: &str, size: RglSize, is_spectral: bool, run: &Run<'_>) -> Result<Rgl, Error> {
     let [columns, rows] = size.half;
     let theta_i: Vec<f64> = (0..size.theta_i).map(|k| LAST_THETA * k as f64 / (size.theta_i - 1) as f64).collect();
     let phi_i: Vec<f64> = (0..size.phi_i).map(|k| -PI + TAU * k as f64 / (size.phi_i - 1) as f64).collect();
     let bands = Bands::new();
-    // theta_m of a column and phi_m of a row.
+    // theta_m of a column and phi_m of a row of the square.
     let theta_m = |x: usize| FRAC_PI_2 * (x as f64 / (columns - 1) as f64).powi(2);
     let phi_m = |y: usize| -PI + TAU * y as f64 / (rows - 1) as f64;
     let view = |number: usize| -> Result<View, Error> {
@@ -119,7 +118,7 @@ pub fn rgl(cloth: &MeanCloth, name: &str, size: RglSize, is_spectral: bool, run:
             view.spectra[at] = std::array::from_fn(|k| f.visible[NODE_STEP * k] as f32);
             view.luminance[at] = (bands.visible(f) * jacobian).max(0.0) as f32;
         }
-        // Between its nodes the file is linear: its light is scaled to that of the cloth.
+        // The file is linear between its nodes: its light is scaled to that of the cloth.
         let wi = wi.map(|v| v as f32);
         let (own, wanted) = (energy_of(&view.luminance, size.half), reflected(cloth, wi, &bands));
         let scale = if own > 1e-6 { wanted / own } else { 1.0 };
@@ -132,7 +131,7 @@ pub fn rgl(cloth: &MeanCloth, name: &str, size: RglSize, is_spectral: bool, run:
         Ok(view)
     };
     let views = (0..size.theta_i * size.phi_i).into_par_iter().map(view).collect::<Result<Vec<_>, Error>>()?;
-    // Channels before the square.
+    // Channels precede the coordinates of the square.
     let planes = |channels: usize, of: &dyn Fn(&View, usize, usize) -> f32| -> Vec<f32> {
         let each = |view: &View| -> Vec<f32> {
             (0..channels)
@@ -171,7 +170,7 @@ pub fn rgl(cloth: &MeanCloth, name: &str, size: RglSize, is_spectral: bool, run:
     })
 }
 
-/// Light of a view by its luminance, linear between the nodes of half vectors.
+/// Light of a view from its luminance, which is linear between the nodes of half vectors.
 fn energy_of(luminance: &[f32], [columns, rows]: [usize; 2]) -> f64 {
     let mean = |x: usize, y: usize| {
         let row = &luminance[y * columns..];

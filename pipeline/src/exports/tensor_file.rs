@@ -1,9 +1,9 @@
-//! The tensor file of the EPFL's material database (RGL), which Mitsuba, pbrt, Falcor and Tekari read: named
-//! arrays, little-endian, each at an offset that is a multiple of eight.
+//! Writes the tensor file of the EPFL's material database (RGL), which Mitsuba, pbrt, Falcor and Tekari read:
+//! named arrays, little-endian, each at an offset that is a multiple of eight.
 
 use std::borrow::Cow;
 
-/// Numbers of an array.
+/// Elements of an array.
 pub enum Numbers<'a> {
     /// Bytes.
     U8(Cow<'a, [u8]>),
@@ -13,21 +13,21 @@ pub enum Numbers<'a> {
 
 /// A named array.
 pub struct Field<'a> {
-    /// Its name.
+    /// Name of the array.
     pub name: &'a str,
     /// Lengths of its axes, the last index fastest.
     pub shape: Vec<usize>,
-    /// Its numbers.
+    /// Elements of the array.
     pub numbers: Numbers<'a>,
 }
 
 impl<'a> Field<'a> {
-    /// Of single precision.
+    /// An array in single precision.
     pub fn f32(name: &'a str, shape: &[usize], numbers: impl Into<Cow<'a, [f32]>>) -> Field<'a> {
         Field { name, shape: shape.to_vec(), numbers: Numbers::F32(numbers.into()) }
     }
 
-    /// Of bytes.
+    /// An array of bytes.
     pub fn bytes(name: &'a str, bytes: impl Into<Cow<'a, [u8]>>) -> Field<'a> {
         let bytes = bytes.into();
         Field { name, shape: vec![bytes.len()], numbers: Numbers::U8(bytes) }
@@ -41,7 +41,7 @@ impl<'a> Field<'a> {
     }
 }
 
-/// The bytes of a file of these arrays, version 1.0.
+/// Bytes of a file with these arrays, version 1.0.
 pub fn bytes(fields: &[Field<'_>]) -> Vec<u8> {
     let head = 18 + fields.iter().map(|f| 2 + f.name.len() + 2 + 1 + 8 + 8 * f.shape.len()).sum::<usize>();
     let aligned = |at: usize| at.next_multiple_of(8);

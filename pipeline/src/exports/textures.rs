@@ -1,27 +1,27 @@
-//! A material's textures over the repeat, as PNG.
+//! A material's textures over the repeat, encoded as PNG.
 
 use super::maps::{Maps, Texel};
 use super::material::Material;
 use crate::error::Error;
 use plywave::color::srgb_encode;
 
-/// Textures of a cloth: those of maps, and the numbers that scale them.
+/// Textures of a cloth: maps, and the numbers that scale them.
 pub struct Textures {
-    /// Base color, of the part of light that is not `mix`ed into transmission, linear.
+    /// Base color: the color of the diffusely reflected light divided by 1 - `mix`, linear.
     pub base: Vec<[f32; 3]>,
-    /// Color of the diffusely transmitted light over `mix`, linear.
+    /// Color of the diffusely transmitted light divided by `mix`, linear.
     pub transmission: Vec<[f32; 3]>,
-    /// Share of the diffuse light that is given to transmission, so that neither color is above 1.
+    /// Fraction of the diffuse light that is assigned to transmission, such that neither color exceeds 1.
     pub mix: f64,
-    /// Share of the diffuse light that colors above 1 would have, cut off.
+    /// Fraction of the diffuse light that is lost where colors above 1 are clamped.
     pub cut: f64,
 }
 
-/// Pixels whose colors may be cut.
+/// Fraction of the pixels whose colors may be clamped.
 const BRIGHT: f64 = 0.02;
 
 impl Textures {
-    /// Of a material whose mean over the maps is the fitted one.
+    /// Textures of a material whose mean over the maps is the fitted material.
     pub fn new(maps: &Maps, material: &Material) -> Textures {
         let scaled = |half: usize| -> Vec<[f64; 3]> {
             let mean = [0, 1, 2].map(|c| maps.mean(|t| t.light[half][c]).max(1e-6));
@@ -34,7 +34,7 @@ impl Textures {
             maps.texels.iter().map(of).collect()
         };
         let colors = [scaled(0), scaled(1)];
-        // Of the brightest but a few.
+        // Maximum over all but the brightest pixels.
         let bright = |colors: &[[f64; 3]]| {
             let mut all: Vec<f64> = colors.iter().map(|c| c.iter().copied().fold(0.0, f64::max)).collect();
             all.sort_by(f64::total_cmp);
@@ -59,28 +59,28 @@ impl Textures {
     }
 }
 
-/// Share of 255 in steps.
+/// Converts 0 to 1 to a byte.
 pub fn byte(v: f64) -> u8 {
     (255.0 * v.clamp(0.0, 1.0)).round() as u8
 }
 
-/// A linear color as sRGB.
+/// Converts a linear color to sRGB bytes.
 pub fn srgb(c: &[f32; 3]) -> [u8; 3] {
     c.map(|v| byte(srgb_encode(f64::from(v))))
 }
 
-/// A PNG of some channels, 1, 3 or 4, of eight bits; `made_by` is what it says of its origin.
+/// Encodes a PNG with 1, 3 or 4 channels of eight bits; `made_by` is the text about its origin.
 ///
 /// # Errors
-/// [`Error::Export`] for one that cannot be encoded.
+/// [`Error::Export`] if encoding fails.
 pub fn png_8(size: [usize; 2], channels: usize, numbers: &[u8], made_by: &str) -> Result<Vec<u8>, Error> {
     encode(size, channels, png::BitDepth::Eight, numbers, made_by)
 }
 
-/// A PNG of sixteen bits, of numbers from 0 to 1.
+/// Encodes a PNG of sixteen bits from numbers between 0 and 1.
 ///
 /// # Errors
-/// As [`png_8`].
+/// Those of [`png_8`].
 pub fn png_16(
     size: [usize; 2],
     channels: usize,
@@ -114,13 +114,13 @@ fn encode(
     Ok(out)
 }
 
-/// A kind's number by a pixel's share of weft.
+/// Interpolates the numbers of warp and weft by a pixel's fraction of weft.
 pub fn by_kind(texel: &Texel, numbers: [f64; 2]) -> f64 {
     let weft = f64::from(texel.weft);
     numbers[0] + weft * (numbers[1] - numbers[0])
 }
 
-/// A unit vector's parts as numbers from 0 to 1.
+/// Maps the components of a unit vector from [-1, 1] to [0, 1].
 pub fn packed(v: [f32; 3]) -> [f32; 3] {
     v.map(|v| 0.5 + 0.5 * v)
 }

@@ -1,19 +1,19 @@
-//! A swatch as USD (.usda): a material that references the MaterialX document, with UsdPreviewSurface beside
-//! it, on a flat piece of the cloth. The reference is in a variant, `shading`: programs that cannot read
-//! MaterialX choose `preview`.
+//! Writes a swatch as USD (.usda): a flat piece of the cloth with a material that references the MaterialX
+//! document, and UsdPreviewSurface as the alternative. The reference is in a variant of `shading`: programs
+//! that cannot read MaterialX select `preview`.
 
 use super::maps::Maps;
 use super::material::Material;
 use super::openpbr::{TextureFiles, identifier};
 use std::fmt::Write;
 
-/// Text in quotes.
+/// A quoted string.
 fn quoted(text: &str) -> String {
     let clean: String = text.chars().map(|c| if c.is_control() { ' ' } else { c }).collect();
     format!("\"{}\"", clean.replace('\\', "\\\\").replace('"', "\\\""))
 }
 
-/// The document; `mtlx` is the name of the MaterialX file beside it.
+/// The USD document; `mtlx` is the name of the MaterialX file beside it.
 pub fn usda(
     name: &str,
     mtlx: &str,
@@ -52,7 +52,7 @@ pub fn usda(
         );
     };
     let [base, _, roughness, _, _, normal, opacity] = &files.names;
-    // A preview has no fuzz: its light is in the diffuse color.
+    // The preview has no fuzz, so the light of the fuzz is added to the diffuse color.
     let brighter = [0, 1, 2].map(|c| {
         let diffuse = material.diffuse[0][c].max(1e-3);
         (1.0 - mix) * (diffuse + material.fuzz_energy[c]) / diffuse

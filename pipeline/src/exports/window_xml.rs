@@ -1,26 +1,28 @@
-//! BSDF files of LBNL WINDOW and Radiance: a matrix between the patches of Klems, or Radiance's tensor tree.
+//! Writes BSDF files for LBNL WINDOW and Radiance: a matrix between the patches of Klems, or Radiance's
+//! tensor tree.
 //!
-//! Schema 1.7 of `WindowElement`. The front is the cloth's face. A block's values are the BSDF [1/sr]; in a
-//! matrix, columns are incident light and rows outgoing. A tensor tree has the coordinates of incident light
-//! first and those of outgoing light after them; in the number of a branch the first is the lowest bit, among
-//! values in one pair of braces the last is the fastest. Cubes whose values are within a tolerance are one.
+//! The schema is version 1.7 of `WindowElement`, with the cloth's face as the front. The values of a block
+//! are the BSDF [1/sr]; columns of a matrix are incident patches, rows outgoing ones. A tensor tree orders
+//! the coordinates of incident light before those of outgoing light: the first coordinate is the lowest bit
+//! in the number of a branch, while among the values in one pair of braces the last coordinate is the
+//! fastest. Cubes whose values agree within a tolerance are merged.
 
 use super::basis::{Basis, KLEMS_RINGS};
 use super::heat::Heat;
 use super::matrix::{BAND_NAMES, Matrix};
 use std::fmt::Write;
 
-/// What a file says of its cloth.
+/// Data about the cloth for the file's header.
 pub struct About<'a> {
     /// Name of the cloth.
     pub name: &'a str,
-    /// Heat through it.
+    /// Thermal quantities of the cloth.
     pub heat: &'a Heat,
-    /// How it was made, and what it assumes.
+    /// Notes on its origin and assumptions.
     pub notes: &'a [String],
 }
 
-/// Text between tags.
+/// Text with XML entities escaped.
 pub fn escaped(text: &str) -> String {
     let mut out = String::with_capacity(text.len());
     for c in text.chars() {
@@ -36,14 +38,14 @@ pub fn escaped(text: &str) -> String {
     out
 }
 
-/// Names of the sides as light comes from them, and of the halves.
+/// Names of the side of incidence, and of the halves.
 const SIDES: [&str; 2] = ["Front", "Back"];
 const HALVES: [(&str, &str); 2] = [("Reflection", "BRDF"), ("Transmission", "BTDF")];
 /// Spectra of source and detector, by band.
 const SPECTRA: [[&str; 2]; 2] = [["CIE Illuminant D65 1nm.ssp", "ASTM E308 1931 Y.dsp"], ["EN 410 Table 2", "None"]];
 
-/// The file of a matrix; of a tensor tree with values that differ by less than `tolerance` of the largest
-/// one about them.
+/// The XML file of a matrix. A tensor tree merges values that differ by less than `tolerance` of the largest
+/// value around them.
 pub fn xml(matrix: &Matrix, about: &About<'_>, tolerance: f64) -> String {
     let is_tree = matrix.basis != Basis::Klems;
     let mut out = String::from(
@@ -52,7 +54,7 @@ pub fn xml(matrix: &Matrix, about: &About<'_>, tolerance: f64) -> String {
          xsi:schemaLocation=\"http://windows.lbl.gov/BSDF-v1.7.xsd\">\n",
     );
     for note in about.notes {
-        // Two hyphens end a comment.
+        // Two hyphens would end an XML comment.
         let _ = writeln!(out, "<!-- {} -->", escaped(note).replace("--", "- -"));
     }
     let name = escaped(about.name);
@@ -106,7 +108,8 @@ pub fn xml(matrix: &Matrix, about: &About<'_>, tolerance: f64) -> String {
     out
 }
 
-/// Fields of a material in the schema's order; all numbers but the conductivity [W/(m K)] are shares of 1.
+/// Fields of a material in the schema's order; all values except the conductivity [W/(m K)] are fractions of
+/// 1.
 fn thermal_fields(heat: &Heat) -> String {
     let [front, back] = heat.emissivity;
     [
@@ -135,8 +138,8 @@ fn klems_basis(out: &mut String) {
     out.push_str("</AngleBasis>\n");
 }
 
-/// Writes the cube of `size` squares along each axis from `first` on: one value where it is even, or else its
-/// sixteen parts; of single squares, all at once.
+/// Writes the cube of `size` squares along each axis that starts at `first`: one value if it is uniform, else
+/// its sixteen parts; single squares are written together.
 fn tree(out: &mut String, values: &[f64], side: usize, first: [usize; 4], size: usize, tolerance: f64) {
     let n = side * side;
     let at = |i: [usize; 4]| values[(i[3] * side + i[2]) * n + i[1] * side + i[0]];
@@ -156,7 +159,7 @@ fn tree(out: &mut String, values: &[f64], side: usize, first: [usize; 4], size: 
     } else if size == 2 {
         out.push('{');
         for k in 0..16 {
-            // Within one pair of braces, the last coordinate is the fastest.
+            // The last coordinate is the fastest within one pair of braces.
             let _ = write!(out, " {:.5e}", at(corner((k as u8).reverse_bits() as usize >> 4, 1)));
         }
         out.push_str(" }\n");

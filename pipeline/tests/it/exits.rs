@@ -1,9 +1,8 @@
 //! Exit positions of a ply: the model's densities compared with simulations, yarn by yarn.
 
 use plywave::ply::{EXIT_KINDS, EXIT_LENGTH_UM, EXIT_TERMS, ExitShape, exit_terms};
-use plywave::spec::YarnSpec;
 use plywave_fit::fit_exits;
-use plywave_sim::runs::Run;
+use plywave_runs::Run;
 use plywave_sim::{SimOptions, simulate};
 
 /// Rms of the differences of cumulative shares over incidences, azimuths (by their light) and positions: of
@@ -11,7 +10,7 @@ use plywave_sim::{SimOptions, simulate};
 /// the same mean.
 fn differences(name: &str) -> [[f64; 2]; EXIT_KINDS] {
     let path = format!("{}/../fabrics/{name}.toml", env!("CARGO_MANIFEST_DIR"));
-    let (spec, text) = YarnSpec::load(&path).unwrap();
+    let (spec, text) = plywave_textile::load_yarn_file(&path).unwrap();
     let options = SimOptions { paths_per_theta: 60_000, theta_i_nodes: 4, h_nodes: 7, ..SimOptions::preview() };
     let table = simulate(&spec, &text, &options, Run::plain()).unwrap();
     let (exits, fitted) = (table.exit.as_ref().unwrap(), fit_exits(&table).unwrap());

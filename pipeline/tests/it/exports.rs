@@ -16,7 +16,7 @@ use std::sync::atomic::AtomicBool;
 static ORGANZA: LazyLock<ClothData> = LazyLock::new(|| {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../fabrics/cloths");
     let recipe = ClothRecipe::load(folder.join("organza.toml")).unwrap();
-    let models = recipe.models(&model_library()).unwrap();
+    let models = recipe.plies(&model_library()).unwrap().build(&Run::plain()).unwrap().models;
     let curves = recipe.curves(&Run::plain()).unwrap();
     recipe.make(&curves, &models, true, &Run::plain()).unwrap()
 });

@@ -3,3 +3,4 @@
 mod build;
 mod exits;
 mod exports;
+mod runs;

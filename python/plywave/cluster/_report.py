@@ -96,7 +96,7 @@ def _section(one: Made, price: Optional[float]) -> str:
         rows["errors of the fit"] = f"f_refl {refl:.3f} (at most {most_refl:g}), f_high {high:.3f} (at most {most_high:g})"
         more, picture = _energies(model), _polar(model)
     elif item.kind == "compare":
-        more = _likeness(json.loads(one.data))
+        more = _similarity(json.loads(one.data))
     elif item.kind == "family":
         family = Family.from_bytes(one.data, item.name)
         rows.update({name: ", ".join(f"{value:.5g}" for value in values) for name, values in family.axes.items()})
@@ -111,7 +111,7 @@ def _section(one: Made, price: Optional[float]) -> str:
     return f'<section><div class="facts">{head}{_table(rows)}{more}{spec}</div>{picture}</section>\n'
 
 
-def _likeness(report: Dict[str, Any]) -> str:
+def _similarity(report: Dict[str, Any]) -> str:
     """How alike waves and rays are, in bins of one degree."""
     rows = ["<tr><th>lambda [um], h/R</th><td>correlation of averages</td><td>of single instances</td><td>distance of averages</td></tr>"]
     for case in report["cases"]:

@@ -1,6 +1,8 @@
-"""BSDF plugins for Mitsuba 3: ``import plywave.mitsuba`` registers ``plywave_cloth`` (surfaces with uv), ``plywave_ply`` and ``plywave_fiber`` (curves).
+"""BSDF plugins for Mitsuba 3: ``import plywave.mitsuba`` registers ``plywave_cloth`` (surfaces with uv), ``plywave_ply``
+and ``plywave_fiber`` (curves).
 
-All is evaluated in Dr.Jit from the model's own tensors, so it runs in megakernels and on GPUs and is differentiable. docs/reference/mitsuba_plugins.md has the keys.
+All plugins evaluate the model's own tensors in Dr.Jit, so they run in megakernels and on GPUs and are differentiable.
+docs/reference/mitsuba_plugins.md lists the keys.
 """
 
 try:
@@ -13,7 +15,7 @@ classes = {}
 
 
 def _register(old=None, new=None):
-    """Registers the plugins for the current variant; Mitsuba calls this after each change of it."""
+    """Registers the plugins for the current variant; Mitsuba calls this function after each change of the variant."""
     variant = _mi.variant()
     if variant is None or "polarized" in variant:
         return
@@ -23,10 +25,12 @@ def _register(old=None, new=None):
 
 
 def check(scene):
-    """Refuses a scene in which a shape cannot carry the plugin that it has; what a plugin cannot see by itself.
+    """Refuses a scene in which a shape cannot carry its plugin, which the plugins cannot check by themselves.
 
-    Raises ``ValueError``, in one line, for a mesh without texture coordinates, for ``plywave_cloth`` on a curve, and for ``plywave_ply`` or ``plywave_fiber`` on what is neither a
-    ``bsplinecurve`` nor a tube (Mitsuba's ``linearcurve`` does not tell where it runs). BSDFs within others, such as ``mask`` and ``twosided``, are looked at too.
+    Raises ``ValueError``, in one line, for a mesh without texture coordinates, for ``plywave_cloth`` on a curve, and
+    for ``plywave_ply`` or ``plywave_fiber`` on a shape that is neither a ``bsplinecurve`` nor a tube (Mitsuba's
+    ``linearcurve`` does not provide its direction). BSDFs nested in others, such as ``mask`` and ``twosided``, are
+    checked too.
     """
     from ._base import misfit, plugins_of
 

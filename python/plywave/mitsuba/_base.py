@@ -1,4 +1,4 @@
-"""What the three BSDF plugins share: keys, the calls of ``mitsuba.BSDF``."""
+"""Base of the three BSDF plugins: checks of keys and shapes, and the calls of ``mitsuba.BSDF``."""
 
 import contextlib
 import difflib
@@ -12,7 +12,7 @@ RGB_LAMBDA_UM = (0.612, 0.549, 0.464)
 
 
 def check_keys(plugin, props, known):
-    """Refuses keys that the plugin does not know, by the one that is most like it."""
+    """Refuses keys that the plugin does not know, and suggests the most similar known key."""
     for key in props.keys():
         if key not in known and not key.startswith("_"):
             near = difflib.get_close_matches(key, known, 1)
@@ -21,7 +21,7 @@ def check_keys(plugin, props, known):
 
 
 def typed(plugin, props, key, kind, default):
-    """A key's value of one type, with one clear line for any other."""
+    """Value of a key with one type; other types raise an error of one line."""
     if key not in props:
         return default
     value = props[key]
@@ -35,20 +35,20 @@ def typed(plugin, props, key, kind, default):
 
 
 def check_lengths(plugin, key, given, values):
-    """Refuses what are not two lengths above 0."""
+    """Refuses values that are not two lengths above 0."""
     if len(values) != 2 or not all(math.isfinite(v) and v > 0.0 for v in values):
         raise ValueError(f"{plugin}: {key}: {given!r}: expected one or two numbers above 0 [um]; to_uv turns and mirrors the pattern")
     return values
 
 
 def check_size(plugin, key, parameter, size):
-    """Refuses a parameter that was set to another number of values: kernels would read beyond them."""
+    """Refuses a parameter whose number of values was changed: kernels would read beyond them."""
     if len(parameter) != size:
         raise ValueError(f"{plugin}: {key}: {len(parameter)} values: expected {size}")
 
 
 def texture(plugin, props, key, default=None):
-    """A texture, color or number that may be above 1."""
+    """A texture, color or number that may exceed 1."""
     if key not in props:
         return None if default is None else props.get_unbounded_texture(key, default)
     value = props[key]
@@ -60,12 +60,14 @@ def texture(plugin, props, key, default=None):
         raise ValueError(f"{plugin}: {key}: expected a number, a color or a texture: {str(e).splitlines()[-1]}") from None
 
 
-#: Shapes that are looked at in JIT variants: those that were made first.
+#: Number of shapes that are searched in JIT variants, the first ones created.
 MAX_SHAPES = 256
 
 
 def shapes_of(bsdf, si):
-    """Shapes that have a BSDF, as far as its calls tell: in scalar variants the one that was hit, in JIT variants those among the shapes that live."""
+    """Shapes with a BSDF, as far as they can be found: the hit shape in scalar variants, the first shapes that still
+    exist in JIT variants.
+    """
     if mi.variant().startswith("scalar"):
         return [] if si.shape is None else [si.shape]
     found = []
@@ -73,7 +75,7 @@ def shapes_of(bsdf, si):
         try:
             shape = dr.reinterpret_array(mi.ShapePtr, mi.UInt32(number))[0]
         except RuntimeError:
-            # There has never been a shape of that number.
+            # No shape with this number has existed.
             break
         if shape is not None and bsdf in plugins_of(shape.bsdf()):
             found.append(shape)
@@ -81,7 +83,7 @@ def shapes_of(bsdf, si):
 
 
 def plugins_of(bsdf):
-    """The plugins of this package in a BSDF: itself, or those within such as ``mask`` and ``twosided``."""
+    """Plugins of this package in a BSDF: the BSDF itself, or those nested in ``mask``, ``twosided`` and the like."""
     if hasattr(bsdf, "PLUGIN"):
         return [bsdf]
     found = []
@@ -92,17 +94,17 @@ def plugins_of(bsdf):
                 found.extend(plugins_of(value))
 
     if bsdf is not None:
-        # A plugin of others may not know how to be traversed; ours are not within it then.
+        # A foreign plugin may not support traversal; then it contains none of this package's plugins.
         with contextlib.suppress(TypeError, RuntimeError):
             bsdf.traverse(Within())
     return found
 
 
 def misfit(bsdf, shape):
-    """Why a plugin cannot be on a shape, in one line; ``None`` where it can."""
+    """Reason why a plugin cannot be on a shape, in one line; ``None`` if it can."""
     kind, is_mesh = shape.class_name(), shape.is_mesh()
     name = shape.id() or kind
-    # Mitsuba counts a rectangle as a mesh; it always has uv, and no method that says so.
+    # Mitsuba counts a rectangle as a mesh. It always has uv, but no method that says so.
     if isinstance(shape, mi.Mesh) and not shape.has_vertex_texcoords():
         return f"{name}: no texture coordinates: {bsdf.PLUGIN} needs uv, {bsdf.ALONG}"
     if bsdf.PLUGIN == "plywave_cloth":
@@ -115,10 +117,11 @@ def misfit(bsdf, shape):
 
 
 def make_calls():
-    """The base class of the plugins for the current variant.
+    """Returns the base class of the plugins for the current variant.
 
-    A plugin has ``model_eval(si, wo, active)``, f and the density of samples, and ``model_sample(si, u, active)``, a direction, whether light goes straight on, its
-    energy and chance; or, where they share work, ``model_drawn`` and ``model_both``.
+    A plugin defines ``model_eval(si, wo, active)``, which returns f and the sampling density, and ``model_sample(si,
+    u, active)``, which returns a direction, whether light passes straight through, and the energy and probability of
+    that. Plugins whose evaluation and sampling share work define ``model_drawn`` and ``model_both`` instead.
     """
 
     def numbers(sample1, sample2):
@@ -126,11 +129,11 @@ def make_calls():
         return [mi.Float(sample1), sample2.x, sample2.y]
 
     class Calls(mi.BSDF):
-        #: Whether the shapes that it is on have been looked at.
+        #: Whether the plugin's shapes have been checked.
         is_fitted = False
 
         def say_misfit(self, si):
-            """Warns, once, of a shape that the plugin cannot be on."""
+            """Warns once about a shape that the plugin cannot be on."""
             if self.is_fitted:
                 return
             self.is_fitted = True
@@ -151,7 +154,7 @@ def make_calls():
                 return [si.wavelengths[k] * 1e-3 for k in range(self.kit.count)]
             return [RGB_LAMBDA_UM[min(k, 2)] for k in range(self.kit.count)]
 
-        # Arguments may be whatever Mitsuba makes its types of, such as lists, as of its own BSDFs.
+        # Arguments may be of any type that Mitsuba converts, such as lists, as for its own BSDFs.
 
         def eval_pdf(self, ctx, si, wo, active=True):
             self.say_misfit(si)
@@ -173,7 +176,7 @@ def make_calls():
             return self.sampled(si, drawn, light, active)
 
         def sampled(self, si, drawn, light, active):
-            """The sample of a direction that was drawn, with f and the density there."""
+            """The sample of a direction that was drawn, with f and density in that direction."""
             (wo, straight, energy, chance), (f, pdf) = drawn, light
             on = active & (pdf > 0.0)
             f, pdf = dr.select(on, f, 0.0), dr.select(on, pdf, 0.0)
@@ -196,13 +199,13 @@ def make_calls():
             return dr.select(on, f, 0.0), dr.select(on, pdf, 0.0), bs, weight
 
         def model_drawn(self, si, u, active):
-            """A direction, and f and the density of samples there."""
+            """A sampled direction, with f and sampling density in that direction."""
             with dr.suspend_grad():
                 drawn = self.model_sample(si, u, active)
             return drawn, self.model_eval(si, drawn[0], self.kit.both(active, self.kit.no(drawn[1])))
 
         def model_both(self, si, wo, u, active):
-            """What :meth:`model_eval` and :meth:`model_drawn` give."""
+            """Results of :meth:`model_eval` and :meth:`model_drawn` together."""
             return self.model_eval(si, wo, active), *self.model_drawn(si, u, active)
 
     return Calls

@@ -1,4 +1,4 @@
-"""A cloth of ply curves in Dr.Jit: its tables on the device, those of ``src/cloth/tensors.rs``."""
+"""A cloth of ply curves in Dr.Jit: its tables on the device, as exported by ``src/cloth/tensors.rs``."""
 
 import drjit as dr
 import numpy as np
@@ -7,15 +7,15 @@ from ._hairs import Hairs
 from ._lines import Lines
 from ._tables import Tables
 
-#: Words of a curve: its kind; first place and number of places in the table of shadows; the yarn's number and
-#: what is added to that by cell; the curve.
+#: Words of a curve: its kind; first position and number of positions in the table of shadows; number of its
+#: yarn and the increments of that number from cell to cell; index of the curve.
 KIND, FIRST, COUNT, NUMBER, STEP_A, STEP_B, CURVE = range(7)
 
 
 class Curves(Lines, Tables):
     """Tables and geometry of a cloth on the device."""
 
-    #: What is kept of a ply that a line hits.
+    #: Values that identify a hit ply.
     WHERE = ("piece", "cells", "place")
 
     def __init__(self, kit, tensors):
@@ -45,15 +45,15 @@ class Curves(Lines, Tables):
         return kit.uint(0) if self.kinds == 1 else self.curve_word(kit.take_word(self.curve_of_piece, piece), KIND)
 
     def scale_of(self, kind):
-        """Radius of the model's ply over that of the curves."""
+        """Ratio of the radius of the model's ply to that of the curves."""
         return self.scale[0] if self.scale[0] == self.scale[-1] else dr.select(kind == 0, *self.scale)
 
     def model_of(self, hit):
-        """Index of the model of a kind: a number where there is one."""
+        """Index of the model of a kind: a constant if there is only one model."""
         return 0 if self.models == 1 else hit["kind"]
 
     def ply_radius(self, hit):
-        """Radius of the ply that a line hits, as its model has it [um]."""
+        """Radius of the hit ply according to its model [um]."""
         return hit["radius"] * self.scale_of(hit["kind"])
 
     def number_of(self, hit, corner):
@@ -66,11 +66,13 @@ class Curves(Lines, Tables):
         """Index of the color of the yarn that a line of a cell hits."""
         kit, (dyes, count) = self.kit, self.dyes[kind]
         number = kit.int(self.number_of(hit, corner)) if kit.jit else _signed(self.number_of(hit, corner))
-        # Not beyond 2^30, nor as far below.
+        # The magnitude of ``number`` must stay below 2^30.
         return kit.take_word(dyes, kit.uint((number % count + count) % count))
 
     def place_on(self, hit, corner, wo, footprint_um):
-        """Where a line towards ``wo`` leaves a ply (``ClothModel::place``): the ply's number, the viewer's azimuth among its fibers, the way along it and the footprint [um]."""
+        """Position at which light towards ``wo`` leaves a ply (``ClothModel::place``): the ply's number, the viewer's
+        azimuth among its fibers, the position along it and the footprint [um].
+        """
         kit, curve, (x, y, z) = self.kit, hit["curve"], hit["frame"][2]
         ply = self.number_of(hit, corner) * 64 + curve
         up = wo[2] - z * (wo[0] * x + wo[1] * y + wo[2] * z)
@@ -82,19 +84,19 @@ class Curves(Lines, Tables):
     # Shadows
 
     def shadow_rows(self, hit, s):
-        """Two rows of the table and their shares, of light that leaves ``s`` radii further along the ply."""
+        """Two rows of the table of shadows and their weights, for light that leaves ``s`` radii further along the ply."""
         kit, curve = self.kit, hit["curve"]
         per_knot = kit.take(self.per_knot, curve)
         x = (hit["parameter"] + s * hit["radius"] / dr.maximum(hit["speed"], 1e-6)) * per_knot
         whole, place = kit.floor(x)
-        # Of lanes that are off the count reads 0.
+        # In inactive lanes the count reads 0.
         first, count = self.curve_word(curve, FIRST), dr.maximum(self.curve_word(curve, COUNT), 1)
-        # Never as far as 2^12 periods from the first.
+        # The position stays within 2^12 periods of the first one.
         row = lambda place: first + kit.uint(place + kit.int(count) * (1 << 12)) % count
         return [(row(place), 1.0 - (x - whole)), (row(place + 1), x - whole)]
 
 
 def _signed(word):
-    """A word as a number with a sign."""
+    """A word as a signed number."""
     word = int(word) & 0xFFFFFFFF
     return word - (1 << 32) if word >> 31 else word

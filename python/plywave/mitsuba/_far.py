@@ -1,5 +1,7 @@
-"""The mean of a cloth over its cell, for pixels that cover many yarns (src/cloth/far.rs): its plies' light from tables of views, its light between yarns at the mean
-energies, what passes all plies through a few apertures that stand for all.
+"""The mean of a cloth over its cell, for pixels that cover many yarns (src/cloth/light/far.rs).
+
+The light of the plies comes from tables of views, inter-yarn scattering is evaluated at the mean energies, and a few
+apertures represent all gaps through which light passes.
 """
 
 import math
@@ -10,12 +12,12 @@ import numpy as np
 from ._kit import clamp
 
 TAU = 2.0 * math.pi
-# src/cloth/far.rs
+# src/cloth/light/far.rs
 LENGTH_UM, APERTURES, MIN_COSINE, MIN_ENERGY = 150.0, 3, 0.02, 1e-6
 
 
 def theta_of(theta_i, q, steps):
-    """Latitude of a node of the light seen from theta_i, q from 0 to ``2 steps``."""
+    """Latitude of node q, 0 to ``2 steps``, of the scattered light at incident latitude theta_i."""
     t = q / steps - 1.0
     t = t * dr.sqrt(dr.abs(t))
     return -theta_i + t * dr.select(t < 0.0, 0.5 * math.pi - theta_i, 0.5 * math.pi + theta_i)
@@ -30,15 +32,15 @@ def q_of(theta_i, theta_o, steps):
 
 
 def asin(x):
-    """Exact in single precision near 1, too."""
+    """Arcsine that is exact in single precision near 1."""
     return dr.atan2(x, dr.sqrt(dr.maximum((1.0 - x) * (1.0 + x), 0.0)))
 
 
 class Far:
-    """Tables of the mean on the device."""
+    """Tables of the mean over the cell on the device."""
 
     def __init__(self, kit, tensors, cloth, along_y):
-        """``along_y``: of each kind of yarns whether it runs along y, or else along x."""
+        """Loads the tables; ``along_y`` tells for each kind of yarn whether it runs along y (else along x)."""
         self.kit, self.cloth, self.along_y = kit, cloth, along_y
         f = tensors["far_f"]
         _, self.views, self.columns, self.nodes, self.sigmas = f.shape
@@ -53,13 +55,13 @@ class Far:
         self.energy, self.first = kit.floats(tensors["far_energy"]), kit.floats(tensors["far_first"])
         self.passing = kit.floats(tensors["far_passing"])
         self.apertures = kit.words(tensors["far_apertures"])
-        # Classes of first plies of a kind.
+        # Number of classes of first plies of one kind.
         self.layers = tensors["far_first"].shape[2]
 
     # Absorptions
 
     def weights(self, sigma):
-        """Shares of the nodes of absorption at one."""
+        """Weights of the absorption nodes for an absorption."""
         at, v = 1.0 / (1.0 + clamp(sigma, 0.0, self.last_sigma) * LENGTH_UM), self.inverse
         weights = []
         for i, node in enumerate(v):
@@ -69,7 +71,7 @@ class Far:
         return weights
 
     def mixed(self, colors):
-        """Of colors and their shares: shares of the nodes of absorption by channel, and the absorption that stands for all."""
+        """Mixes colors by their shares: weights of the absorption nodes by channel, and one representative absorption."""
         kit = self.kit
         weights, sigma = [], kit.zero_s()
         for k in range(kit.count):
@@ -83,7 +85,7 @@ class Far:
 
     @staticmethod
     def angles(along_y, w):
-        """theta and phi of a direction about yarns along y or x."""
+        """theta and phi of a direction about yarns that run along y or x."""
         along, across = (w[1], w[0]) if along_y else (w[0], w[1])
         return asin(clamp(along, -1.0, 1.0)), dr.atan2(w[2], across)
 
@@ -95,7 +97,7 @@ class Far:
         return [across, s, up] if along_y else [s, across, up]
 
     def node(self, which, x):
-        """Node below ``x`` on an axis and the share of the next."""
+        """Node below ``x`` on an axis, and the weight of the next node."""
         kit, axis = self.kit, self.axes[which]
         node = kit.uint(0)
         for value in axis[1:-1]:
@@ -104,7 +106,7 @@ class Far:
         return node, clamp((x - low) / (high - low), 0.0, 1.0)
 
     def around(self, along_y, wo):
-        """The four views around one and their shares, and theta_i."""
+        """The four surrounding views and their weights, and theta_i."""
         theta, phi = self.angles(along_y, wo)
         rows, side = len(self.axes[1]), len(self.axes[0])
         i, s = self.node(0, dr.abs(phi) * (180.0 / math.pi))
@@ -114,13 +116,13 @@ class Far:
         return [at, at + 1, at + rows, at + rows + 1], shares, theta
 
     def row(self, table, at):
-        """The numbers of all absorptions."""
+        """Values for all absorptions."""
         return self.kit.packets(table, at * self.packets, self.packets)
 
     # Light
 
     def at(self, wo, colors, gaps):
-        """The mean seen from ``wo``; ``colors`` of each kind, absorptions with shares."""
+        """The mean seen from ``wo``; ``colors`` has, for each kind of yarn, absorptions with shares."""
         kit, cloth = self.kit, self.cloth
         detach = dr.detach if kit.jit else (lambda x: x)
         mixed = [self.mixed(of) for of in colors]
@@ -149,14 +151,15 @@ class Far:
             at["energy"].append(self.spectrum(energy))
         sigma = [m[1] for m in mixed]
         if len(self.along_y) == 1:
-            # The other kind has no light.
+            # The other kind scatters no light.
             classes += [kit.zero_s()] * (cloth.classes // 2)
             at["around"] *= 2
             at["dark"].append(kit.float(0.0))
             at["energy"].append(kit.zero_s())
         views, shares, _ = at["around"][0]
         at["passing"] = sum(share * kit.take(self.passing, view) for view, share in zip(views, shares))
-        # What clear plies scatter and what passes, interpolated about different axes, are the beam.
+        # The light that non-absorbing plies scatter and the passing light are interpolated about different
+        # axes; normalization makes them sum to the beam.
         per = 1.0 / dr.maximum(clear + at["passing"], MIN_ENERGY)
         classes, at["passing"] = [per * e for e in classes], per * at["passing"]
         of_hairs = []
@@ -166,8 +169,8 @@ class Far:
             at["passing"] = at["free"] * at["passing"] * hairs["passes_behind"]
             classes = cloth.hairs.with_energies([at["free"] * e for e in classes], hairs)
             of_hairs = [detach(kit.mean(out)) for out in hairs["out"]]
-        at["up"], at["down"], at["about"], (_, caught) = cloth.between(wo, classes, [sigma[0], sigma[-1]])
-        # f of each kind has the energy that its first plies scatter and other plies do not catch.
+        at["up"], at["down"], at["about"], (_, caught) = cloth.inter_yarn(wo, classes, [sigma[0], sigma[-1]])
+        # f of each kind has the energy that its first plies scatter and other plies do not intercept.
         at["scale"], of_kind = [], cloth.classes // 2
         for k, energy in enumerate(at["energy"]):
             straight = dr.maximum(sum(classes[of_kind * k : of_kind * k + self.layers]) - caught[k], 0.0)
@@ -179,7 +182,7 @@ class Far:
         if gaps is not None:
             nearest, best = views[0], shares[0]
             for view, share in zip(views[1:], shares[1:]):
-                # The last of several greatest.
+                # Of several equal maxima, the last one is chosen.
                 nearest, best = dr.select(share >= best, view, nearest), dr.maximum(best, share)
             row = nearest * (1 + 3 * APERTURES)
             at["count"] = kit.take_word(self.apertures, row)
@@ -189,7 +192,7 @@ class Far:
         per = dr.select(total > 0.0, 1.0 / dr.maximum(total, 1e-30), 0.0)
         is_diffracted = at["count"] > 0
         at["chances"] = [per * e for e in parts] + [dr.select(is_diffracted, per * at["passing"], 0.0)] + [per * e for e in of_hairs]
-        # What goes straight on and its chance.
+        # Energy and probability of light that passes straight through.
         at["straight"] = dr.select(is_diffracted, 0.0, at["passing"])
         at["chance"] = per * at["straight"]
         return at
@@ -205,7 +208,7 @@ class Far:
         return (high - low) * (TAU / self.columns)
 
     def plies(self, at, k, b):
-        """f of the plies of a kind of yarns by channel, and the density of their samples."""
+        """f of the plies of a kind of yarn, by channel, and their sampling density."""
         kit = self.kit
         views, shares, theta_i = at["around"][k]
         theta, phi = self.angles(self.along_y[k], b)
@@ -241,17 +244,17 @@ class Far:
         return f, density / dr.maximum(self.solid_angle(theta_i, row), 1e-12)
 
     def eval(self, at, b, lam, gaps):
-        """f and density in a direction of the pattern."""
+        """f and sampling density in a direction of the pattern."""
         kit, cloth = self.kit, self.cloth
         is_up = b[2] * at["up_sign"] >= 0.0
-        f, pdf = kit.zero_s(), cloth.between_pdf(at["about"], at["chances"][2:4], is_up, b)
+        f, pdf = kit.zero_s(), cloth.inter_yarn_pdf(at["about"], at["chances"][2:4], is_up, b)
         for k in range(len(self.along_y)):
             light, density = self.plies(at, k, b)
             f, pdf = f + light, pdf + at["chances"][k] * density
         if cloth.hairs is not None:
             f = cloth.hairs.passes(b) * f + cloth.hairs.eval(at["hairs"], is_up, b)
             pdf = pdf + dr.select(is_up, *at["chances"][5:]) * (0.5 / math.pi)
-        f = f + cloth.between_eval(at["about"], at["up"], at["down"], is_up, b)
+        f = f + cloth.inter_yarn_eval(at["about"], at["up"], at["down"], is_up, b)
         if gaps is not None:
             per = 1.0 / dr.maximum(kit.float(at["count"]), 1.0)
 
@@ -269,19 +272,19 @@ class Far:
         return f, pdf
 
     def draw(self, at, lam, gaps, u):
-        """A direction of the pattern, and whether light goes straight on instead."""
+        """Samples a direction of the pattern; also returns whether light passes straight through instead."""
         kit = self.kit
-        left, found, number = u[0], kit.bool(False), u[0]
+        remaining, found, number = u[0], kit.bool(False), u[0]
         which = kit.uint(7)
         for i, chance in enumerate(at["chances"]):
-            here = kit.both(kit.no(found), left < chance)
-            number = dr.select(here, left / dr.maximum(chance, 1e-30), number)
+            here = kit.both(kit.no(found), remaining < chance)
+            number = dr.select(here, remaining / dr.maximum(chance, 1e-30), number)
             which = dr.select(here, kit.uint(i), which)
             found = found | here
-            left = dr.select(found, left, left - chance)
+            remaining = dr.select(found, remaining, remaining - chance)
         number = clamp(number, 0.0, 0.99999994)
         b = self.draw_plies(at, which == 0, [number, u[1], u[2]])
-        w = self.cloth.between_draw(at["about"], which == 2, at["up_sign"], [number, u[1], u[2]])
+        w = self.cloth.inter_yarn_draw(at["about"], which == 2, at["up_sign"], [number, u[1], u[2]])
         b = [dr.select((which == 2) | (which == 3), x, y) for x, y in zip(w, b)]
         if gaps is not None:
             x = number * dr.maximum(kit.float(at["count"]), 1.0)
@@ -296,7 +299,7 @@ class Far:
         return b, kit.no(found)
 
     def draw_plies(self, at, is_first, u):
-        """A direction of a kind's light, the first or the last."""
+        """Samples a direction of the light of the first or the last kind."""
         kit = self.kit
         (a, b) = at["around"]
         views = [dr.select(is_first, x, y + (len(self.along_y) - 1) * self.views) for x, y in zip(a[0], b[0])]
@@ -311,7 +314,7 @@ class Far:
         dark = dr.select(clamp(u0, 0.0, 0.99999994) < share_dark, kit.uint(1), kit.uint(0))
         first = (view * 2 + dark) * (self.cells + 1)
         target = u[1] * kit.take(self.sums, first + self.cells)
-        # The last cell before whose begin there is no more than that.
+        # Binary search for the last cell whose cumulative sum does not exceed the target.
         cell, step = kit.uint(0), 1 << ((self.cells - 1).bit_length() - 1)
         while step:
             after = dr.minimum(cell + step, kit.uint(self.cells - 1))

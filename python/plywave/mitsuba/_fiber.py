@@ -1,6 +1,6 @@
 """Fiber tables in Dr.Jit: d'Eon's M_0 over the latitude, the table's N over the azimuth (Xia 2020, 5 and 6).
 
-The tables are those of the fiber files (docs/reference/format/models.md) and the formulas those of ``src/fiber.rs`` and ``src/fiber/longitudinal.rs``.
+The tables are those of the fiber files (docs/reference/format/models.md) and the formulas those of ``fiber/src/model.rs`` and ``fiber/src/distributions/longitudinal.rs``.
 """
 
 import math
@@ -11,10 +11,10 @@ import numpy as np
 from ._kit import clamp
 
 TAU = 2.0 * math.pi
-# src/fiber.rs, src/fiber/table.rs
+# fiber/src/model.rs, fiber/src/table/table.rs
 WIDTH_LIMIT, BETA_M = 6.0, (1e-3, 2.0)
 
-# e^-x I_0(x) (src/fiber/longitudinal.rs).
+# e^-x I_0(x) (fiber/src/distributions/longitudinal.rs).
 NEAR = [
     3.3839764e-1, -3.0468267e-1, 1.716209e-1, -9.49011e-2, 4.9305284e-2, -2.3737415e-2, 1.054646e-2, -4.32431e-3, 1.6394756e-3,
     -5.763756e-4, 1.8850289e-4, -5.754195e-5, 1.6448448e-5, -4.416738e-6, 1.1173846e-6, -2.6706212e-7, 6.037319e-8, -1.2481271e-8,
@@ -37,14 +37,16 @@ def _chebyshev(c, t):
 
 
 def longitudinal(v, i, o):
-    """M_0 of variance ``v`` between the latitudes ``i`` and ``o``, each sine and cosine: a density over ``cos theta_o d theta_o``."""
+    """M_0 with variance ``v`` between the latitudes ``i`` and ``o``, each given as sine and cosine: a density over ``cos
+    theta_o d theta_o``.
+    """
     scale = 1.0 / (v * (1.0 - dr.exp(-2.0 / v)))
     across, along = i[1] - o[1], i[0] + o[0]
     return scale * dr.exp(-0.5 * (across * across + along * along) / v) * i0e(i[1] * o[1] / v)
 
 
 def longitudinal_draw(v, i, u):
-    """Sine and cosine of a latitude of density ``M_0 cos theta_o``, by two numbers in [0, 1)."""
+    """Samples a latitude with density ``M_0 cos theta_o`` from two numbers in [0, 1); returns its sine and cosine."""
     w = clamp(-v * dr.log((1.0 - u[0]) + u[0] * dr.exp(-2.0 / v)), 0.0, 2.0)
     cos, sin = 1.0 - w, dr.sqrt(dr.maximum(w * (2.0 - w), 0.0))
     sin_psi, cos_psi = dr.sincos(TAU * u[1])
@@ -72,15 +74,15 @@ class Fiber:
         self.phi_per_rad = 1.0 / step
         width = np.minimum(c_x, WIDTH_LIMIT * tensors["width_um"])
         self.max_width_um = float(np.float32(width.max()))
-        # Sums of the light up to a node, the cells' means being those of their two nodes.
+        # Cumulative light at the nodes; the mean of a cell is that of its two nodes.
         means = 0.5 * (azimuthal + np.roll(azimuthal, -1, -1))
         sums = np.concatenate([np.zeros((*self.counts, 1)), np.cumsum(means, -1)], -1)
         self.values, self.sums = kit.floats(azimuthal), kit.floats(sums)
-        # By slice, its width and its albedo.
+        # Width and albedo of each slice.
         self.slices = kit.floats(np.stack([width, sums[..., -1] * (TAU / self.cells)], -1))
 
     def _place(self, at, count):
-        """Nodes around the place ``at`` in units of nodes, and their weights."""
+        """Nodes around the position ``at`` (in units of nodes), and their weights."""
         if count == 1:
             return [(self.kit.uint(0), 1.0)]
         at = clamp(at, 0.0, count - 1.0)
@@ -89,7 +91,7 @@ class Fiber:
         return [(node, 1.0 - t), (node + 1, t)]
 
     def _around(self, phi):
-        """Nodes around the azimuth, and whether they hold it mirrored."""
+        """Nodes around the azimuth, and whether they contain it mirrored."""
         kit, count = self.kit, self.counts[2]
         if self.folds == 0:
             return [(kit.uint(0), 1.0)], kit.bool(False)
@@ -104,7 +106,9 @@ class Fiber:
         return [(node, 1.0 - t), (dr.select(node + 1 == count, kit.uint(0), node + 1), t)], kit.bool(False)
 
     def at(self, wi, lam):
-        """What is looked up once for any number of directions, for light from ``wi`` in the fiber's frame and a list of wavelengths [um]."""
+        """Looks up the values that are shared by all outgoing directions, for light from ``wi`` in the fiber's frame and
+        a list of wavelengths [um].
+        """
         kit = self.kit
         sin, cos = wi[2], dr.sqrt(wi[0] * wi[0] + wi[1] * wi[1])
         has = cos > 0.0
@@ -147,7 +151,7 @@ class Fiber:
         return f
 
     def draw(self, at, v, shares, u):
-        """A direction: a wavelength by ``shares``, then its azimuth and the latitude."""
+        """Samples a direction: a wavelength in proportion to ``shares``, then its azimuth and the latitude."""
         kit = self.kit
         total = sum(shares[k] for k in range(kit.count))
         left = u[0] * total
@@ -168,10 +172,10 @@ class Fiber:
         return [cos * c, cos * s, sin]
 
     def _invert(self, corners, u):
-        """Relative azimuth below which the mixed slices have the fraction ``u`` of their light [rad]."""
+        """Relative azimuth [rad] below which the mixed slices have the fraction ``u`` of their light."""
         kit, row = self.kit, self.cells + 1
         target = u * self._mix(self.sums, corners, self.cells, row)
-        # The last node up to which there is no more than that.
+        # Binary search for the last node whose cumulative light does not exceed the target.
         j, step = kit.uint(0), 1 << max((self.cells - 1).bit_length() - 1, 0)
         while step and self.cells > 1:
             next_ = dr.minimum(j + step, self.cells - 1)
@@ -181,7 +185,7 @@ class Fiber:
         high = self._mix(self.values, corners, dr.select(j + 1 == self.cells, kit.uint(0), j + 1), self.cells)
         mass = 0.5 * (low + high)
         x = clamp((target - self._mix(self.sums, corners, j, row)) / dr.maximum(mass, 1e-30), 0.0, 1.0)
-        # Mass t (low + t (high - low) / 2) of the cell's whole is x.
+        # Solves t (low + t (high - low) / 2) = x for the fraction t of the cell.
         root = dr.sqrt(dr.maximum(low * low + x * (high * high - low * low), 0.0))
         t = dr.select(low + root > 0.0, x * (low + high) / dr.maximum(low + root, 1e-30), x)
         return (kit.float(j) + clamp(t, 0.0, 1.0)) * (TAU / self.cells)

@@ -6,19 +6,16 @@ import drjit as dr
 import numpy as np
 
 from ._kit import clamp
+from ._native import CONSTANTS
 
 EDGES, CELLS, MIN_MASS, MIN_APERTURE_UM, TURNS = 32, 64, 1e-12, 0.1, 256
 # src/gap/slit.rs
 MIN_COSINE = 1e-3
-SCALE = 3.3635857
-SERIES = [
-    1.7483959, 1.3622408, 0.88644785, 0.4692909, 0.19124173, 0.0518224, 0.0036825673, -0.003881015,
-    -0.0015276597, 8.7031585e-05, 0.00021071057, 2.1709868e-05, -2.7346405e-05, -5.5842333e-06, 3.9812876e-06, 9.939323e-07,
-]  # fmt: skip
+SCALE, *SERIES = CONSTANTS["faddeeva"]
 
 
 def faddeeva(x, y):
-    """w(x + i y), y >= 0: Weideman's series."""
+    """w(x + i y) for y >= 0 by Weideman's series."""
     d = SCALE + y
     norm = 1.0 / (d * d + x * x)
     r = (d * norm, x * norm)
@@ -29,16 +26,15 @@ def faddeeva(x, y):
         p = mul(p, z)
         p = (p[0] + c, p[1])
     p = mul(mul(p, r), r)
-    return 2.0 * p[0] + 0.5641896 * r[0], 2.0 * p[1] + 0.5641896 * r[1]
+    return 2.0 * p[0] + r[0] / math.sqrt(math.pi), 2.0 * p[1] + r[1] / math.sqrt(math.pi)
 
 
 # src/math/erf.rs, erf_from_0
-OVER = [-1.6096033e-2, -2.9545998e-3, -7.3499063e-4, -5.6925064e-5, -2.101024e-6, 2.7706814e-8, -2.7261423e-10]
-UNDER = [-1.426474e-2, -7.3733292e-3, -1.682827e-3, -2.1337406e-4, -1.4566072e-5]
+OVER, UNDER = CONSTANTS["erf_over"], CONSTANTS["erf_under"]
 
 
 def erf_from_0(x):
-    """The error function of x >= 0, small x to their last digits."""
+    """The error function for x >= 0, with full relative precision for small x."""
     x = dr.minimum(x, 4.0)
     over, under = OVER[-1], UNDER[-1]
     for c in OVER[-2::-1]:
@@ -49,7 +45,7 @@ def erf_from_0(x):
 
 
 class Spectrum:
-    """The spectrum of one axis of an aperture, of a row of the table or of edges near that row's [um]."""
+    """Spectrum of one axis of an aperture, from a row of the table or for edges near those of that row [um]."""
 
     def __init__(self, gaps, at, edges=None):
         kit = self.kit = gaps.kit
@@ -58,12 +54,12 @@ class Spectrum:
         self.edges = [factor[0:3], factor[3:6]]
         self.w0, self.scale, self.g = factor[6:9]
         self.first = at * (CELLS + 1)
-        # What frequencies are multiplied by for those of the table.
+        # Factor that converts frequencies to those of the table.
         self.stretch = 1.0
         if edges is not None:
             t = [dr.minimum(x / self.w0, 30.0) for x in edges]
             self.edges = [(x, sign, dr.exp(-x * x)) for x, sign in zip(t, (-1.0, 1.0))]
-            power = 0.6266571 * sum(erf_from_0(math.sqrt(2.0) * x) for x in t)
+            power = 0.5 * math.sqrt(0.5 * math.pi) * sum(erf_from_0(math.sqrt(2.0) * x) for x in t)
             scale = 0.25 * math.pi * self.w0 / dr.maximum(power, 1e-12)
             self.stretch = self.scale / scale
             self.scale = scale
@@ -85,7 +81,7 @@ class Spectrum:
         return low + x * (self.mass_at(i + 1) - low)
 
     def range(self, low, high):
-        """Frequencies between two, and the share of the spectrum within."""
+        """Bounds of the frequencies between two limits, and the fraction of the spectrum within."""
         low, high = low * self.stretch, high * self.stretch
         a, b = self.beyond(dr.abs(low)), self.beyond(dr.abs(high))
         about = (low < 0.0) & (high > 0.0)
@@ -122,7 +118,7 @@ class Spectrum:
         return dr.select(mass > MIN_MASS, f, low + u * (high - low)) / self.stretch
 
     def value(self, f):
-        """Density of the exact spectrum at a frequency [um]."""
+        """Density of the exact spectrum at a frequency [1/um]."""
         g = clamp(f * self.w0, -1e4, 1e4)
         parts = []
         for t, _, amplitude in self.edges:
@@ -138,7 +134,9 @@ class Spectrum:
 
 
 def turned(w, turn, sign=1.0):
-    """A direction in axes of which the first has this cosine and sine of the angle from x, or back from them."""
+    """A direction in axes whose first one is turned from x by an angle with this cosine and sine, or the inverse
+    rotation.
+    """
     if turn is None:
         return w
     c, s = turn[0], sign * turn[1]
@@ -146,7 +144,7 @@ def turned(w, turn, sign=1.0):
 
 
 class Gaps:
-    """The apertures' spectra of a cloth on the device."""
+    """Aperture spectra of a cloth on the device."""
 
     def __init__(self, kit, tables, step):
         self.kit, self.step = kit, step
@@ -155,7 +153,9 @@ class Gaps:
         self.masses = kit.floats(rows[:, 9:])
 
     def at(self, aperture, turn):
-        """A gap by the distances of its edges [um]: the spectra of its two axes, and cosine and sine of the angle from x to the first."""
+        """A gap with these distances to its edges [um]: the spectra of its two axes, and cosine and sine of the angle
+        from x to the first axis.
+        """
         west, east, south, north = aperture
         return self.near(west, east), self.near(south, north), turn
 
@@ -164,17 +164,17 @@ class Gaps:
         room = 0.5 * dr.maximum(MIN_APERTURE_UM - before - beyond, 0.0)
         before, beyond = (dr.minimum(x + room, EDGES * self.step) for x in (before, beyond))
         a, b = (dr.minimum(dr.floor(x / self.step + 0.5), float(EDGES)) for x in (before, beyond))
-        # The row has a width.
+        # The aperture of the row must have a positive width.
         none, low = (a + b) < 0.5, before > beyond
         a, b = dr.select(kit.both(none, low), 1.0, a), dr.select(kit.both(none, kit.no(low)), 1.0, b)
         return Spectrum(self, kit.uint(a) * (EDGES + 1) + kit.uint(b), (before, beyond))
 
     def of(self, x, y, turn=None):
-        """A gap by the rows of its spectra."""
+        """A gap from the rows of its two spectra."""
         return Spectrum(self, x), Spectrum(self, y), turn
 
     def opening(self, words):
-        """A gap by the numbers of an opening (src/gap/apertures.rs)."""
+        """A gap from the words of an opening (src/gap/apertures.rs)."""
         x, y, steps = words
         s, c = dr.sincos((self.kit.float(steps) + 0.5) * (0.5 * math.pi / TURNS))
         return self.of(x, y, (dr.select(steps == 0, 1.0, c), dr.select(steps == 0, 0.0, s)))
@@ -226,7 +226,7 @@ class Slits:
         self.kit, self.shares, self.gaps = kit, [float(share) for share in shares], Gaps(kit, spectra, 1.0)
 
     def at(self, is_first, is_double, lam):
-        """The slit of a ply that a line hits, of the first kind of yarn or the second; where two layers lie there is none."""
+        """The slit of a hit ply of the first or second kind of yarn; where two layers overlap there is none."""
         kit = self.kit
         share = dr.select(is_double, 0.0, dr.select(is_first, *self.shares))
         row = dr.select(is_first, kit.uint(0), kit.uint(2))
@@ -234,22 +234,22 @@ class Slits:
 
 
 class Slit:
-    """A slit along a ply and the share of the forward light that passes it; its spectra across and along the ply."""
+    """A slit along a ply, with the fraction of forward light that passes it and its spectra across and along the ply."""
 
     def __init__(self, share, gaps, spectra, lam):
         self.share, self.gaps, self.spectra, self.lam = share, gaps, spectra, lam
 
     def takes(self, cos):
-        """The share of a lobe, by the cosine between its axis and the forward direction."""
+        """The fraction of a lobe that passes, from the cosine between the lobe's axis and the forward direction."""
         return self.share * clamp(cos, 0.0, 1.0)
 
     def incident(self, theta_i):
-        """The incident direction in the slit's frame, whose y is the ply's z."""
+        """The incident direction in the slit's frame, whose y axis is the ply's z axis."""
         s, c = dr.sincos(clamp(theta_i, -0.5 * math.pi, 0.5 * math.pi))
         return [0.0, s, dr.maximum(c, MIN_COSINE)]
 
     def eval(self, theta_i, v):
-        """Light of energy 1 by wavelength [1/sr], and the density of :meth:`draw`, in a direction of the ply's frame."""
+        """Light of energy 1 by wavelength [1/sr], and the density of :meth:`draw`, for a direction in the ply's frame."""
         return self.gaps.eval(self.spectra, self.incident(theta_i), self.lam, [v[0], v[2], v[1]])
 
     def draw(self, theta_i, u):

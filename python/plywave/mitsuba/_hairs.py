@@ -1,15 +1,15 @@
-"""Hairs of a cloth as a layer over each side, in Dr.Jit (``src/cloth/hair_layer.rs``)."""
+"""Hairs of a cloth as a layer over each side, in Dr.Jit (``src/cloth/light/hair_layer.rs``)."""
 
 import math
 
 import drjit as dr
 import numpy as np
 
-from ._between import SIGMAS, sigma_nodes
+from ._inter_yarn import SIGMAS, sigma_nodes
 from ._kit import clamp
 
 TAU = 2.0 * math.pi
-# src/cloth/hair_layer.rs
+# src/cloth/light/hair_layer.rs
 MIN_COSINE = 1e-3
 
 
@@ -22,19 +22,21 @@ class Hairs:
         self.cosines, self.azimuths = area.shape[2], scatter.shape[3]
         self.kinds = [k for k in range(2) if area[:, k].any()]
         self.area, self.scatter = kit.floats(area), kit.floats(scatter)
-        # By kind and cosine of the viewer, energies to the viewer's side and to the other.
+        # Energies scattered to the viewer's side and to the other side, by kind and cosine of the viewer.
         sums = scatter.sum(3, dtype=np.float64) * (TAU / (self.cosines * self.azimuths))
         halves = [sums[:, :, self.cosines :].sum(2), sums[:, :, : self.cosines].sum(2)]
         self.energy = kit.floats(np.stack(halves, 2).astype(np.float32))
 
     def part(self, x, parts):
-        """Part below ``x`` of even parts, whose values are those of their middles, and the share of the next."""
+        """Index of the part below ``x`` among equal parts whose values lie at their centers, and the weight of the next
+        part.
+        """
         x = clamp(x - 0.5, 0.0, parts - 1.0)
         at = dr.minimum(dr.floor(x), parts - 2.0)
         return self.kit.uint(at), x - at
 
     def depth(self, side, cosine):
-        """By kind, hairs that a line meets on a side, 0 for the face."""
+        """Optical depth of the hairs on a side (0 for the face) along a line, by kind."""
         z = clamp(dr.abs(cosine), MIN_COSINE, 1.0)
         at, share = self.part(z * self.cosines, self.cosines)
         depths = []
@@ -47,11 +49,11 @@ class Hairs:
         return dr.select(b[2] < 0.0, self.kit.uint(1), self.kit.uint(0))
 
     def passes(self, b):
-        """The chance that light in direction ``b`` passes the hairs of the side that it leaves."""
+        """Probability that light in direction ``b`` passes the hairs on the side on which it leaves."""
         return dr.exp(-sum(self.depth(self.side_of(b), b[2])))
 
     def weights(self, sigma):
-        """By channel, shares of the nodes of absorption."""
+        """Weights of the absorption nodes, by channel."""
         all_ = []
         for k in range(self.kit.count):
             node, share = sigma_nodes(self.kit, sigma[k])
@@ -65,7 +67,9 @@ class Hairs:
         return out
 
     def at(self, a, sigma, passing):
-        """The hairs seen from ``a``, of absorptions by kind, of which a share of the beam passes all plies."""
+        """The hairs seen from ``a``, with absorptions by kind; ``passing`` is the fraction of the beam that passes all
+        plies.
+        """
         kit = self.kit
         viewer = self.side_of(a)
         weights = [self.weights(sigma[k]) for k in range(2)]
@@ -88,7 +92,7 @@ class Hairs:
         return {"a": a, "weights": weights, "sides": sides, "out": out, "passes_behind": dr.exp(-sum(sides[1]["depth"]))}
 
     def with_energies(self, classes, at):
-        """Energies by class with those that hairs scatter, whose classes are the last two of a kind."""
+        """Energies by class, with those that hairs scatter added to the last two classes of each kind."""
         classes, of_kind = list(classes), len(classes) // 2
         for n, kind in enumerate(self.kinds):
             for behind, side in enumerate(at["sides"]):
@@ -96,7 +100,9 @@ class Hairs:
         return classes
 
     def eval(self, at, is_up, b):
-        """f of what hairs send to their side of the cloth in direction ``b`` [1/sr]; ``is_up`` is whether that is the viewer's."""
+        """f of the light that hairs scatter to their side of the cloth in direction ``b`` [1/sr]; ``is_up`` tells
+        whether that is the viewer's side.
+        """
         kit, a, sides = self.kit, at["a"], at["sides"]
         depth = [dr.select(is_up, x, y) for x, y in zip(*(side["depth"] for side in sides))]
         arrives = dr.select(is_up, *(side["arrives"] for side in sides))
@@ -129,7 +135,7 @@ class Hairs:
 
     @staticmethod
     def draw(up, u):
-        """A direction with z of the sign ``up``."""
+        """Samples a direction whose z has the sign ``up``."""
         z = clamp(u[0], MIN_COSINE, 1.0)
         sin, cos = dr.sincos(TAU * u[1])
         r = dr.sqrt(dr.maximum(1.0 - z * z, 0.0))

@@ -1,7 +1,7 @@
-"""Types of the current Mitsuba variant, reads of flat tables, loops: what the models share.
+"""Types of the current Mitsuba variant, reads of flat tables, and loops, which all models use.
 
-Code of this package is written once for all variants. In JIT variants numbers are Dr.Jit arrays and tables are arrays on the device; in scalar variants numbers are
-Python's and tables are NumPy's.
+The code of this package is written once for all variants. In JIT variants numbers are Dr.Jit arrays and tables are
+arrays on the device; in scalar variants numbers are Python's and tables are NumPy's.
 """
 
 import drjit as dr
@@ -23,11 +23,11 @@ class Kit:
         self.Vector3f, self.Point2f, self.S = mi.Vector3f, mi.Point2f, mi.UnpolarizedSpectrum
         self.Four = mi.Vector4f
         self.Two = mi.Vector2u
-        #: Absorptions at once: channels or wavelengths.
+        #: Number of absorptions evaluated at once: channels or wavelengths.
         self.count = len(self.S(0.0))
 
     def floats(self, values):
-        """A table of single precision."""
+        """A table in single precision."""
         values = np.ascontiguousarray(values, np.float32).ravel()
         return self.Float(_aligned(values)) if self.jit else values
 
@@ -44,15 +44,15 @@ class Kit:
         return dr.scalar.ArrayXf(self.floats(values))
 
     def table_of(self, parameter):
-        """A parameter as a table."""
+        """A parameter converted to a table."""
         return parameter if self.jit else np.array(parameter, np.float32)
 
     def number_of(self, parameter):
-        """A parameter of one number."""
+        """Value of a parameter that has one number."""
         return parameter if self.jit else float(parameter[0])
 
     def take(self, table, index):
-        """One number of a table."""
+        """Reads one number of a table."""
         if self.jit:
             return dr.gather(self.Float, table, index)
         return float(table[int(index)])
@@ -63,20 +63,20 @@ class Kit:
         return int(table[int(index)])
 
     def packets(self, table, index, count):
-        """``4 count`` numbers from the packet of four at ``index`` on."""
+        """Reads ``4 count`` numbers, starting at the packet of four with this index."""
         if self.jit:
             return [x for i in range(count) for x in dr.gather(self.Four, table, index + i)]
         at = 4 * int(index)
         return [float(x) for x in table[at : at + 4 * count]]
 
     def word_pair(self, table, index):
-        """Two words from the pair at ``index`` on."""
+        """Reads two words, starting at the pair with this index."""
         if self.jit:
             return list(dr.gather(self.Two, table, index))
         return [int(x) for x in table[2 * int(index) : 2 * int(index) + 2]]
 
     def uint(self, x):
-        """A number without fraction as an index."""
+        """Converts a number without fractional part to an index."""
         return self.UInt(x) if self.jit else int(x)
 
     def int(self, x):
@@ -116,13 +116,15 @@ class Kit:
         return state[1:]
 
     def branch(self, state, cond, then):
-        """``then(*state)`` where ``cond`` holds, else ``state``; without gradients."""
+        """``then(*state)`` where ``cond`` holds, else ``state``; gradients do not pass."""
         if self.jit:
             return dr.if_stmt(state, cond, lambda *s: then(*s), lambda *s: s)
         return then(*state) if cond else state
 
     def times(self, count, state, body, unrolled, label=None):
-        """``count`` iterations of ``state = body(i, *state)``; gradients do not pass loops in loops, so these are unrolled where gradients flow."""
+        """``count`` iterations of ``state = body(i, *state)``. Gradients do not pass nested loops, so the iterations are
+        unrolled where gradients flow.
+        """
         if not self.jit or unrolled or count <= 1:
             for i in range(count):
                 state = body(i, *state)
@@ -136,7 +138,7 @@ class Kit:
         return state[1:]
 
     def floor(self, x):
-        """The whole number at or below, as a number and as a signed index."""
+        """The largest integer not above ``x``, as a number and as a signed index."""
         whole = dr.floor(x)
         return whole, self.int(whole)
 
@@ -151,10 +153,10 @@ class Kit:
 def _aligned(values):
     """A copy at an address that suits reads of packets. Dr.Jit takes NumPy's memory as it lies; from another address it reads the numbers of a packet one by one, and where a
     processor has no fast gather LLVM makes a branch of each: three times the time of a query, up to nine times that of the kernel's compilation."""
-    room = np.empty(len(values) + 16, values.dtype)
-    first = -room.ctypes.data % 64 // 4
-    room[first : first + len(values)] = values
-    return room[first : first + len(values)]
+    buffer = np.empty(len(values) + 16, values.dtype)
+    first = -buffer.ctypes.data % 64 // 4
+    buffer[first : first + len(values)] = values
+    return buffer[first : first + len(values)]
 
 
 def dot3(a, b):
@@ -170,7 +172,7 @@ def clamp(x, low, high):
 
 
 def detached(x):
-    """Without gradients, in a list too."""
+    """Values detached from gradients, including those in lists."""
     if isinstance(x, (list, tuple)):
         return type(x)(detached(v) for v in x)
     return dr.detach(x) if x is not None and dr.is_jit_v(x) else x

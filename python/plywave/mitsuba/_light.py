@@ -1,7 +1,8 @@
 """Light of the plies that a line through a cloth hits, in Dr.Jit (``src/cloth/bsdf.rs``).
 
-What a line meets (``_through.py``) does not depend on the direction of the light. A loop over the few plies that are kept of it adds up their light in all directions of a call at once,
-so that each ply is interpolated once; one of them is drawn for a sample.
+The hits of a line (``_through.py``) do not depend on the direction of the light. A loop over the few retained plies
+adds up their light in all directions of a call at once, so that each ply is interpolated once; a sample draws one of
+the plies.
 """
 
 import drjit as dr
@@ -10,18 +11,20 @@ from ._kit import detached, dot3
 from ._ply import clear_share, exit_lines
 from ._tables import MAX_NEAR
 
-#: Plies that are kept: the first one that the line hits, and those behind it.
+#: Number of retained plies: the first hit, and those behind it.
 KEPT = MAX_NEAR + 1
 # src/cloth/bsdf.rs
 MIN_FREE, FOR_SHADOWS = 0.5, 1.35
 
 
 def answer(self, si, own, wo, between, s, of_plies, spectra, hairs):
-    """What a line meets as queries need it: the light between yarns, of the energies of first plies by class and the absorptions in ``between``, what passes all plies, the chances of
-    all parts (``set_chances`` of src/cloth/bsdf.rs)."""
+    """Prepares the hits of a line for queries: inter-yarn scattering, from the energies of first plies by class and the
+    absorptions in ``between``; light that passes all plies; and the probabilities of all parts (``set_chances`` of
+    src/cloth/bsdf.rs).
+    """
     kit, cloth = self.kit, self.cloth
     detach = dr.detach if kit.jit else (lambda x: x)
-    up, down, about, (caught, _) = cloth.between(wo, *between)
+    up, down, about, (caught, _) = cloth.inter_yarn(wo, *between)
     of_plies = detach(of_plies)
     plies = kit.mean(of_plies)
     root = lambda x: dr.sqrt(kit.mean(x * x))
@@ -67,7 +70,9 @@ def answer(self, si, own, wo, between, s, of_plies, spectra, hairs):
 
 
 def plies_light(self, si, at, directions):
-    """f of the plies of a walk and the sum of energies times densities of their lobes, in each of these directions of the pattern."""
+    """f of the plies of a walk, and the sum over their lobes of energy times density, in each of these directions of the
+    pattern.
+    """
     kit, cloth = self.kit, self.cloth
     options, own, (start, d) = cloth.options, at["own"], at["line"]
     gradients = kit.jit and dr.grad_enabled(self.dyes, self.um_per_uv, *(x for x in own if x is not None))
@@ -115,7 +120,7 @@ def plies_light(self, si, at, directions):
 
 
 def chosen_ply(self, si, at, number):
-    """One of the plies of a walk, by a number in [0, 1), as often as by its energy."""
+    """Draws one of the plies of a walk from a number in [0, 1), in proportion to its energy."""
     kit, cloth, (start, d) = self.kit, self.cloth, at["line"]
     detach = dr.detach if kit.jit else (lambda x: x)
     sums = []
@@ -132,7 +137,7 @@ def chosen_ply(self, si, at, number):
 
 
 def entry(values, i):
-    """An entry of a short list by its number."""
+    """Entry of a short list at a variable index."""
     value = values[0]
     for n in range(1, len(values)):
         value = dr.select(i == n, values[n], value)

@@ -1,7 +1,10 @@
-"""Lines through a cloth of curves in Dr.Jit (``src/cloth/lines.rs``): the plies that a line hits, nearest first.
+"""Lines through a cloth of curves in Dr.Jit (``src/cloth/geometry/lines.rs``): the plies that a line hits, nearest
+first.
 
-A line walks through the voxels of a grid over the cell. Each lists pieces of curve, cubics; of those that the line comes near, Newton's method finds the place where it is nearest.
-The nearest hits are kept in a list by the way to their walls; only what identifies a hit is kept, and :meth:`Lines.hit_at` finds all else of it.
+A line walks through the voxels of a grid over the cell. Each voxel lists pieces of curves, which are cubics; for the
+candidates near the line, Newton's method finds the point nearest to the line. The nearest hits are stored in a list
+ordered by the distance to the surfaces of their plies. The list contains only what identifies a hit;
+:meth:`Lines.hit_at` computes all other quantities.
 """
 
 import math
@@ -12,20 +15,20 @@ import numpy as np
 from ._kit import cross3, dot3
 from ._uneven import Uneven
 
-#: Hits of a line that are kept.
+#: Largest number of stored hits of a line.
 HITS = 12
-# src/cloth/gap.rs
+# src/cloth/light/gaps.rs
 FACES, FACES_IN_FULL = 0.5, 0.2
-# src/cloth/lines.rs, nearest.rs
+# src/cloth/geometry/lines.rs, nearest.rs
 SLACK, BEYOND2, ACROSS, AWAY, MIN_SINE2, MIN_LEFT, BEYOND = 0.25, 0.16, 0.5, 0.05, 0.01, 3e-4, 3.0
 MIN_SPEED2_UM2 = 1e-12
 MAX_ENTRIES, ROUNDS, MARGIN_UM = 1 << 15, 8, 1.0
-#: Added to numbers of cells, which may be negative.
+#: Offset added to cell numbers, which may be negative.
 BIAS = 1 << 15
 
 
 class Grid:
-    """A grid over the cell: its voxels and the pieces of curve that lines in them come within ``beside`` [um] of."""
+    """A grid over the cell: its voxels, and the pieces of curves that lines in them pass within ``beside`` [um]."""
 
     def __init__(self, kit, tensors, name, top, beside):
         self.top, self.beside = top, beside
@@ -46,7 +49,7 @@ class Lines:
         area = a * d - b * c
         self.inverse = [[d / area, -c / area], [-b / area, a / area]]
         self.grid = Grid(kit, tensors, "", self.top, 0.0)
-        # For lines that come near plies.
+        # A second grid serves lines that pass near plies.
         self.wide, self.uneven = None, Uneven(kit, tensors)
         if "gap" in tensors:
             top, _, reach = map(float, tensors["gap"])
@@ -54,7 +57,7 @@ class Lines:
         pieces = tensors["piece"].astype(np.float64)
         cubic, (radius, reach, start, growth) = pieces[:, :12].reshape(-1, 4, 3), pieces[:, 12:].T
         chord = cubic[:, 1:].sum(1)
-        # Of each piece what says whether a line comes near, then its cubic.
+        # For each piece: the data that tell whether a line passes near it, then its cubic.
         rows = np.zeros((len(pieces), 24))
         rows[:, 0:3], rows[:, 3] = cubic[:, 0], reach**2
         rows[:, 4:7], rows[:, 7] = chord, (chord**2).sum(1)
@@ -66,16 +69,18 @@ class Lines:
         self.of_curve = kit.words(tensors["curve_of"])
 
     def fractions(self, x, y):
-        """A place in fractions of the cell's vectors."""
+        """A position in fractions of the cell's vectors."""
         return [row[0] * x + row[1] * y for row in self.inverse]
 
     def moved(self, i, j):
-        """The place of a whole combination of the vectors."""
+        """The position of an integer combination of the cell's vectors."""
         (a, b), (c, d) = self.cell
         return [i * a + j * c, i * b + j * d]
 
     def begin_line(self, at, w):
-        """A line that comes from direction ``w`` through the place that shows at a point of the middle plane: its start above the plies relative to the corner of the point's cell, and that cell."""
+        """A line that arrives from direction ``w`` at a point of the middle plane: its start above the plies relative to
+        the corner of the point's cell, and that cell.
+        """
         kit, at = self.kit, self.uneven.place(at)
         cells = [kit.floor(f) for f in self.fractions(*at)]
         corner = self.moved(cells[0][0], cells[1][0])
@@ -84,8 +89,10 @@ class Lines:
 
     # Hits
 
-    def chord_near(self, piece, shift, start, d, least, most, beside):
-        """Whether a line comes near a piece's chord on its way from ``least`` to ``most``, and where on it, 0 to 1."""
+    def chord_near(self, piece, shift, start, d, min_t, max_t, beside):
+        """Whether a line passes near a piece's chord between the distances ``min_t`` and ``max_t``, and where on the
+        chord, 0 to 1.
+        """
         p = self.kit.packets(self.pieces, piece * 6, 2)
         chord, all_ = p[4:7], p[7]
         e = [p[0] + shift[0] - start[0], p[1] + shift[1] - start[1], p[2] - start[2]]
@@ -101,17 +108,19 @@ class Lines:
         if beside:
             reach = dr.sqrt(reach2) + beside
             reach2 = reach * reach
-        over = dr.maximum(dr.maximum(near2 - reach2, beyond - BEYOND2 * all_), dr.maximum(least - way, way - most))
+        over = dr.maximum(dr.maximum(near2 - reach2, beyond - BEYOND2 * all_), dr.maximum(min_t - way, way - max_t))
         return over <= 0.0, u
 
     def cubic(self, piece):
-        """Coefficients of a piece's powers, its radius, parameter at its begin and the growth of that."""
+        """Power coefficients of a piece, its radius, and the curve parameter at its start and per unit of the piece's
+        own parameter.
+        """
         p = self.kit.packets(self.pieces, piece * 6, 5)
         return [p[0:3], p[8:11], p[12:15], p[16:19]], p[11], p[15], p[19]
 
     @staticmethod
     def along(cubic, shift, start, u):
-        """A piece's point from the line's start, first and second derivative."""
+        """Point of a piece relative to the line's start, with first and second derivative."""
         c0, c1, c2, c3 = cubic
         off = [shift[0] - start[0], shift[1] - start[1], -start[2]]
         p = [c0[k] + off[k] + u * (c1[k] + u * (c2[k] + u * c3[k])) for k in range(3)]
@@ -120,7 +129,7 @@ class Lines:
 
     @staticmethod
     def step(p, first, second, d):
-        """Newton's step towards where a line is nearest to a piece, and whether the distance has a minimum about there."""
+        """Newton's step towards the point of a piece nearest to a line, and whether the distance has a minimum nearby."""
         pw, dw, ddw = dot3(p, d), dot3(first, d), dot3(second, d)
         d2 = dot3(first, first)
         slope, straight = dot3(p, first) - pw * dw, d2 - dw * dw
@@ -128,7 +137,9 @@ class Lines:
         return -slope / dr.select(bend > 0.1 * d2, bend, dr.maximum(straight, 0.05 * d2)), bend > 0.0
 
     def refined(self, piece, shift, start, d, u, beside):
-        """Where a line is nearest to a piece: the place, the way along the line, the squared distance, and whether it is within the piece and the ply."""
+        """Point of a piece nearest to a line: its parameter, the distance along the line, the squared distance from the
+        line, and whether it lies within the piece and the ply.
+        """
         kit = self.kit
         cubic, radius, _, _ = self.cubic(piece)
         moved, is_least = 0.0, kit.bool(True)
@@ -145,8 +156,10 @@ class Lines:
         return u, kit.both(kit.both(inside, is_least), moved < AWAY), way, h2, first, p, radius
 
     def follow(self, start, d, active, r_d):
-        """The hits of a line until hardly any light is left: lists of ``piece``, ``cells``, ``place`` and of the way to their walls, and how many there are. ``r_d(kind, theta_i,
-        h_um, radius)`` says what passes a ply."""
+        """The hits of a line until hardly any light remains: lists of ``piece``, ``cells``, ``place`` and the distances
+        to the plies' surfaces, and the number of hits. ``r_d(kind, theta_i, h_um, radius)`` returns the fraction of
+        light that passes a ply.
+        """
         kit = self.kit
         found = {"piece": [kit.uint(0)] * HITS, "cells": [kit.uint(0)] * HITS, "place": [kit.float(0.0)] * HITS, "enter": [kit.float(math.inf)] * HITS}
 
@@ -169,14 +182,16 @@ class Lines:
         return found, count
 
     def aperture(self, start, d, active):
-        """The sides of the aperture that a line passes which hits no ply [um], and cosine and sine of the angle from x to its first axis (``src/cloth/gap.rs``)."""
+        """Sides of the aperture that a line passes without hitting a ply [um], and cosine and sine of the angle from x
+        to the aperture's first axis (``src/cloth/light/gaps.rs``).
+        """
         kit, grid = self.kit, self.wide
         reach = grid.beside
         way = (grid.top - self.top) / dr.maximum(dr.abs(d[2]), 1e-4)
         start = [x - way * w for x, w in zip(start, d)]
 
         def edge(ply):
-            """Direction to a ply in the plane, how far away it is, and the share of the beam's reach that is left there."""
+            """Direction to a ply in the plane, its distance, and the remaining fraction of the beam's reach there."""
             across = ply["across"]
             per = -dr.rsqrt(dr.maximum(dot3(across, across), 1e-12))
             x, y = across[0] * per, across[1] * per
@@ -211,8 +226,10 @@ class Lines:
         return sides, (c, s)
 
     def visit(self, grid, start, d, active, state, each, label, passes=None):
-        """Calls ``state = each(state, ply)`` for the plies of a grid that a line comes near, to its end or until hardly any light is left by the shares ``passes(ply)``; ``ply["inside"]``
-        says whether it counts."""
+        """Calls ``state = each(state, ply)`` for the plies of a grid that a line passes near, until the line ends or
+        hardly any light remains according to the fractions ``passes(ply)``; ``ply["inside"]`` tells whether the ply
+        is hit.
+        """
         kit = self.kit
         per_z = 1.0 / dr.select(dr.abs(d[2]) < 1e-6, dr.select(d[2] < 0.0, -1e-6, 1e-6), d[2])
         low, high = (-grid.top - start[2]) * per_z, (grid.top - start[2]) * per_z
@@ -247,7 +264,7 @@ class Lines:
 
         at, last = entries_of(voxel)
         leave = out_of(border(voxel), end, begin)
-        # The voxel, the way to it and out of it, its entries.
+        # The voxel, the distances at which the line enters and leaves it, and its entries.
         walk = {
             "on": ok,
             "voxel": voxel,
@@ -260,7 +277,8 @@ class Lines:
         }
         changes = ["state"]
         if passes is not None:
-            # The light that is left, the ways to where the furthest ply is nearest and to where plies end.
+            # The remaining light, and the distances to the nearest point of the farthest ply and to where
+            # plies end.
             walk |= {"left": kit.float(1.0), "deepest": kit.float(0.0), "stop": kit.float(math.inf)}
             changes += ["left", "deepest"]
 
@@ -271,9 +289,9 @@ class Lines:
             cells, _ = cells_of(s["voxel"])
             cells = [cells[0] + kit.int(packed >> 16) - BIAS, cells[1] + kit.int(packed & 0xFFFF) - BIAS]
             shift = self.moved(kit.float(cells[0]), kit.float(cells[1]))
-            least = dr.select(s["from"] == begin, -math.inf, s["from"])
-            most = dr.select(s["leave"] >= end, math.inf, s["leave"])
-            near, u = self.chord_near(piece, shift, start, d, least, most, grid.beside)
+            min_t = dr.select(s["from"] == begin, -math.inf, s["from"])
+            max_t = dr.select(s["leave"] >= end, math.inf, s["leave"])
+            near, u = self.chord_near(piece, shift, start, d, min_t, max_t, grid.beside)
 
             def hit(state, *light):
                 place, inside, way, h2, first, p, radius = self.refined(piece, shift, start, d, u, grid.beside)
@@ -294,7 +312,7 @@ class Lines:
 
             stop = s["stop"] if passes is not None else None
             s |= dict(zip(changes, kit.branch(tuple(s[key] for key in changes), kit.both(some, near), hit)))
-            # At the end of a voxel the next one.
+            # After the last entry of a voxel comes the next voxel.
             done = s["entry"] + 1 >= s["last"]
             last_way = end
             if passes is not None:
@@ -321,13 +339,13 @@ class Lines:
         return s["state"]
 
     def packed(self, cells):
-        """Cells along both vectors in a word."""
+        """Cells along both vectors packed into a word."""
         i, j = (self.kit.uint(c + BIAS) for c in cells)
         return (i << 16) | (j & 0xFFFF)
 
     @staticmethod
     def insert(found, new):
-        """A hit among those that are kept, by the way to its wall."""
+        """Inserts a hit into the stored ones, ordered by the distance to its ply's surface."""
         out = {key: [] for key in found}
         for i in range(HITS):
             here = new["enter"] < found["enter"][i]
@@ -339,14 +357,16 @@ class Lines:
         return out
 
     def hit_at(self, where, start, d):
-        """All of a ply that a line from ``start`` hits (``LineHit`` of src/cloth/lines.rs), from its piece, the cells of its image and about its place there."""
+        """All quantities of a hit of a line from ``start`` (``LineHit`` of src/cloth/geometry/lines.rs), from its piece,
+        the cells of its image and its approximate parameter.
+        """
         kit = self.kit
         piece, packed = where["piece"], where["cells"]
         cubic, radius, parameter, growth = self.cubic(piece)
         cells = [kit.int(packed >> 16) - BIAS, kit.int(packed & 0xFFFF) - BIAS]
         shift = self.moved(kit.float(cells[0]), kit.float(cells[1]))
         u = where["place"]
-        # With the gradients of the line's place, which the search has not.
+        # One more step adds the gradients of the line's position, which the search lacks.
         u = u + self.step(*self.along(cubic, shift, start, u), d)[0]
         p, first, second = self.along(cubic, shift, start, u)
         way = dot3(p, d)
@@ -359,7 +379,7 @@ class Lines:
         along = dr.minimum(dr.maximum(-dot3(d, z), -1.0), 1.0)
         y = [-along * z[k] - d[k] for k in range(3)]
         length2 = dot3(y, y)
-        # Along the ply: any axis across it.
+        # If the line runs along the ply, any axis across it serves.
         other = cross3(z, [dr.select(dr.abs(z[0]) < 0.7, 1.0, 0.0), dr.select(dr.abs(z[0]) < 0.7, 0.0, 1.0), kit.float(0.0)])
         y = [dr.select(length2 < 1e-8, b, a) for a, b in zip(y, other)]
         per = dr.rsqrt(dr.maximum(dot3(y, y), 1e-12))

@@ -8,33 +8,27 @@ import math
 import drjit as dr
 
 from ._kit import clamp
+from ._native import CONSTANTS
 
 LOG2_E = math.log2(math.e)
 MU_MIN, MU_MAX = 0.2, 20_000.0
 # src/ply/cone.rs
 CONE_MU1, CONE_MU2, GRAZING = (1e-3, 20_000.0), (1e-3, 500_000.0), 0.05
-#: Exponents of 2 from here on are dark.
+#: Exponents of 2 from this magnitude on count as dark.
 DARK = 100.0
 TAU = 2.0 * math.pi
 
-# Energy of a lobe of amplitude 1 (src/ply/kernel/lobe.rs).
-MEAN = [
-    [0.86472696, -0.5413396, -1.0858794, -0.33280998, 0.20640504, -3.191828, -0.32349062, 10.540188, -7.891373, -42.007984, -28.1854],
-    [0.54242563, 0.51795506, -0.022908885, 3.760259, 1.3267359, -18.587229, 12.092752, 99.15994, 81.44035],
-    [0.008833905, -0.87465584, -0.9746874, 9.540781, -4.5728836, -78.518135, -82.348946],
-    [0.103313036, -1.2792708, 0.07296818, 23.176245, 33.99076],
-    [0.04638332, -1.8602276, -4.9093513],
-    [0.121228844],
-]
+#: Energy of a lobe of amplitude 1, rows of coefficients (src/ply/kernel/lobe.rs).
+MEAN = [CONSTANTS["lobe_mean"][12 * k - k * k : 12 * (k + 1) - (k + 1) ** 2] for k in range(6)]
 
 
 def stored_mu(mu):
-    """A bandwidth as log2 sqrt(mu log2 e)."""
+    """A bandwidth stored as log2 sqrt(mu log2 e)."""
     return 0.5 * (math.log(mu) * LOG2_E + math.log2(LOG2_E))
 
 
 def root_width(stored, bounds=(MU_MIN, MU_MAX)):
-    """sqrt(mu log2 e), kept within bounds of mu."""
+    """sqrt(mu log2 e), clamped to the bounds of mu."""
     return dr.exp2(clamp(stored, *map(stored_mu, bounds)))
 
 
@@ -50,7 +44,9 @@ def _polynomial(c, x):
 
 
 def unit_mean(t1, t2):
-    """Energy of a lobe of amplitude 1 times sqrt(mu1 mu2) / pi, of bandwidths times log2 e (src/ply/kernel/lobe.rs)."""
+    """Energy of a lobe of amplitude 1 times sqrt(mu1 mu2) / pi, for bandwidths multiplied by log2 e
+    (src/ply/kernel/lobe.rs).
+    """
     a = (2.0 * LOG2_E - t1) / (2.0 * LOG2_E + t1)
     b = (2.0 * LOG2_E - t2) / (2.0 * LOG2_E + t2)
     x, y = 0.5 * (a + b), a * b
@@ -61,7 +57,7 @@ def unit_mean(t1, t2):
 
 
 def disc_point(s1, s2, u1, u2):
-    """Components along a lobe's axes of a direction drawn from it."""
+    """Components along a lobe's axes of a direction sampled from it."""
     s, c = dr.sincos(2.0 * math.pi * u1)
     c, s = s2 * c, s1 * s
     n2 = 1.0 / (c * c + s * s)
@@ -73,7 +69,9 @@ def disc_point(s1, s2, u1, u2):
 
 
 def kind_of(is_cone, theta_i):
-    """What answers for the lobes of a model at the latitude ``theta_i``: ``is_cone`` is a number where all models have the same."""
+    """Evaluator of a model's lobes at the latitude ``theta_i``; ``is_cone`` is a constant if all models have the same
+    kind.
+    """
     if not isinstance(is_cone, float):
         return Either(is_cone > 0.5, theta_i)
     return (Cones if is_cone > 0.5 else Round)(theta_i)
@@ -86,17 +84,19 @@ class Round:
         self.sin, self.cos = dr.sincos(dr.abs(theta_i))
 
     def toward(self, v):
-        """What values in a direction have in common."""
+        """Quantities of a direction shared by all lobes."""
         return v
 
     def frame(self, p):
-        """What values of a lobe have in common: sines and cosines of its angles, widths, peaks for values and densities."""
+        """Quantities of a lobe shared by all directions: sines and cosines of its angles, widths, peaks for values and
+        densities.
+        """
         s1, s2 = root_width(p[3]), root_width(p[4])
         norm = s1 * s2 * (1.0 / (math.pi * LOG2_E))
         return [*dr.sincos(p[0]), *dr.sincos(p[1]), *dr.sincos(p[2]), s1, s2, norm / unit_mean(s1 * s1, s2 * s2), norm]
 
     def value(self, frame, v):
-        """Value and density of a lobe in a direction."""
+        """Value and sampling density of a lobe in a direction."""
         st, ct, sp, cp, sx, cx, s1, s2, peak, norm = frame
         across, along = cp * v[1] - sp * v[0], cp * v[0] + sp * v[1]
         up, cz = ct * v[2] - st * along, ct * along + st * v[2]
@@ -108,7 +108,7 @@ class Round:
         return shape * peak, shape * norm / disc_share(a)
 
     def draw(self, frame, u1, u2):
-        """A direction drawn from a lobe, by two numbers in [0, 1)."""
+        """Samples a direction from a lobe, with two numbers in [0, 1)."""
         st, ct, sp, cp, sx, cx, s1, s2 = frame[:8]
         u, w, cz = disc_point(s1, s2, u1, u2)
         across, up = cx * u - sx * w, sx * u + cx * w
@@ -133,14 +133,16 @@ class Cones:
         return [dr.atan2(v[1], v[0]), v[2]]
 
     def frame(self, p):
-        """The azimuth, s0 there and its change by sin x, roots of the bandwidths along the azimuth and in s, the peak but for the sum of erf."""
+        """The azimuth, s0 there and its change with sin x, roots of the bandwidths along the azimuth and in s, and the
+        peak without the sum of erf.
+        """
         root = math.sqrt(math.log(2.0))
         r1, r2 = root * root_width(p[3], CONE_MU1), root * root_width(p[4], CONE_MU2) / self.g
         peak = r1 * r2 * (2.0 / math.pi) / dr.erf(math.pi * r1)
         return [p[1], self.g * p[0] - self.sin, self.g * p[2], r1, r2, peak]
 
     def center(self, frame, x):
-        """s0 at the azimuth ``x`` from a lobe's."""
+        """s0 at the azimuth ``x`` relative to the lobe's."""
         return clamp(frame[1] + frame[2] * dr.sin(x), -1.0, 1.0)
 
     def value(self, frame, v):
@@ -156,7 +158,7 @@ class Cones:
 
     def draw(self, frame, u1, u2):
         phi, _, _, r1, r2, _ = frame
-        # Short of +-1, where the inverse ends.
+        # The argument stays short of +-1, where the inverse diverges.
         inverse = lambda y: dr.erfinv(clamp(y, -1.0 + 6e-8, 1.0 - 6e-8))
         x = clamp(inverse((2.0 * u1 - 1.0) * dr.erf(math.pi * r1)) / r1, -math.pi, math.pi)
         s0 = self.center(frame, x)
@@ -172,7 +174,7 @@ class Cones:
 
 
 class Either:
-    """One of the two, by the model."""
+    """Round lobes or cones, depending on the model."""
 
     def __init__(self, is_cone, theta_i):
         self.is_cone, self.kinds = is_cone, (Cones(theta_i), Round(theta_i))

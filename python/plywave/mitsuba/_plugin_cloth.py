@@ -1,4 +1,6 @@
-"""The plugin ``plywave_cloth``: places by uv, colors, light of the plies that a line meets, the mean over the cell, samples."""
+"""The plugin ``plywave_cloth``: positions from uv, colors, light of the plies that a line hits, the mean over the cell,
+samples.
+"""
 
 import math
 
@@ -17,7 +19,7 @@ from ._speckle import Speckle
 
 #: ``BSDFFlags::NeedsDifferentials`` of Mitsuba's bsdf.h, which its Python enumeration lacks.
 NEEDS_DIFFERENTIALS = 0x20000
-#: Switches and their defaults.
+#: Switches and their default values.
 SWITCHES = {"layers": True, "shadowing": True, "edges": True, "slits": True, "uneven": True, "relief": True, "speckle": False, "far": False}
 YARNS = ("warp_", "weft_")
 COLORS = ("color", "sigma_per_um")
@@ -26,7 +28,7 @@ KEYS |= set(SWITCHES) | {f"{yarn}{what}" for yarn in ("", *YARNS) for what in CO
 
 
 def define(Calls):
-    """The plugin's class for the current variant."""
+    """Defines the plugin's class for the current variant."""
 
     class Cloth(Calls):
         """``plywave_cloth``: a cloth on a surface with uv."""
@@ -75,18 +77,18 @@ def define(Calls):
             self.setup(components)
 
         def read_footprint(self, props, used):
-            """The keys of the far view, of relief and of speckle."""
+            """Reads the keys of the far view, of relief and of speckle."""
             name = self.PLUGIN
             footprint = [self.length(props, f"footprint_{key}", used) for key in ("um", "rad", "scale")]
             if self.kit.jit:
-                # Memory, not constants of the kernel, which other values would compile anew.
+                # The values are memory and not constants of the kernel, which other values would recompile.
                 footprint = [None if x is None else dr.opaque(mi.Float, x) for x in footprint]
             self.footprint_um, self.footprint_rad, self.footprint_scale = footprint
             if self.footprint_um is not None and self.footprint_rad is not None:
                 raise ValueError(f"{name}: footprint_rad: given with footprint_um: give one of them")
 
         def read_place(self, props):
-            """How the pattern lies in uv."""
+            """Reads the placement of the pattern in uv."""
             name, kit = self.PLUGIN, self.kit
             scale = props["um_per_uv"] if "um_per_uv" in props else 1e5
             self.um_per_uv = self.pair("um_per_uv", scale)
@@ -110,14 +112,14 @@ def define(Calls):
             self.turn_directions()
 
         def read_colors(self, props):
-            """The textures of the yarns."""
+            """Reads the textures of the yarns."""
             name = self.PLUGIN
             self.yarns = YARNS if self.cloth.kinds > 1 else ("",)
             if self.cloth.kinds == 1:
                 for key in (f"{yarn}{what}" for yarn in YARNS for what in COLORS):
                     if key in props:
                         raise ValueError(f"{name}: {key}: all yarns of this cloth are alike: use '{key.split('_', 1)[1]}'")
-            # Of a kind of yarns, or else of all.
+            # A texture belongs to one kind of yarn, or else to all kinds.
             given = [yarn if any(f"{yarn}{what}" in props for what in COLORS) else "" for yarn in self.yarns]
             for yarn in given:
                 if f"{yarn}color" in props and f"{yarn}sigma_per_um" in props:
@@ -127,7 +129,7 @@ def define(Calls):
             self.colors, self.sigmas = ([self.textures.get(f"{yarn}{what}") for yarn in given] for what in COLORS)
 
         def length(self, props, key, used):
-            """A footprint's number, at least 0."""
+            """A footprint parameter, at least 0."""
             name = self.PLUGIN
             value = typed(name, props, key, float, None)
             if value is None:
@@ -144,7 +146,7 @@ def define(Calls):
                 values = [value, value] if isinstance(value, (int, float)) else [float(_number(v)) for v in value]
             except (TypeError, ValueError):
                 values = []
-            # Mitsuba makes three numbers of a text with two.
+            # Mitsuba parses a text of two numbers as three.
             return mi.Point2f(*check_lengths(self.PLUGIN, key, value, values[:2]))
 
         def traverse(self, callback):
@@ -164,20 +166,22 @@ def define(Calls):
             self.turn_directions()
 
         def scales(self):
-            """Lengths of cloth in a unit of u and of v [um], as Python's numbers."""
+            """Lengths of cloth per unit of u and of v [um], as Python numbers."""
             return [float(_number(detached(v))) for v in (self.um_per_uv.x, self.um_per_uv.y)]
 
         def turn_directions(self):
-            """How directions of the surface lie in the pattern: the image of u's direction, and whether the pattern is mirrored."""
+            """Orientation of the pattern on the surface: the image of u's direction, and whether the pattern is
+            mirrored.
+            """
             (a, b, _), (c, d, _) = self.to_uv or ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
             x, y = self.scales()
             turn = self.rotation - math.atan2(c * y, a * x)
             self.direction_turn, self.is_mirrored = (math.cos(turn), math.sin(turn)), a * d - b * c < 0.0
 
-        # Inputs of a point
+        # Inputs of a query
 
         def place(self, si):
-            """Point of the cloth's plane [um]."""
+            """Position in the cloth's plane [um]."""
             u, v = si.uv.x, si.uv.y
             if self.to_uv is not None:
                 (a, b, c), (d, e, f) = self.to_uv
@@ -187,7 +191,7 @@ def define(Calls):
             return [x * c + y * s, y * c - x * s]
 
         def to_pattern(self, si, w):
-            """A direction of the shading frame in the pattern's. Where uv runs the other way round, so does the pattern."""
+            """Converts a direction from the shading frame to the pattern's frame. The pattern is mirrored where uv is."""
             x, y = w.x, dr.select(self.runs_round(si), -w.y, w.y)
             c, s = self.direction_turn
             return [x * c + y * s, y * c - x * s, w.z]
@@ -203,20 +207,22 @@ def define(Calls):
             return handed > 0.0 if self.is_mirrored else handed < 0.0
 
         def scale_of_uv(self):
-            """By how much ``to_uv`` stretches areas."""
+            """Factor by which ``to_uv`` scales areas."""
             if self.to_uv is None:
                 return 1.0
             (a, b, _), (c, d, _) = self.to_uv
             return abs(a * d - b * c)
 
         def footprint(self, si):
-            """Diameter of the part of the cloth that a point stands for [um]: the footprint that is given, that of a pixel's angle and the length of the ray, that of the ray's
-            differentials where the mean over the cell needs them, or else 0. It is the geometric mean of the axes of the ellipse that it has on the cloth."""
+            """Diameter of the area of cloth that a query represents [um]: the given footprint; or that of a pixel's
+            angle at the length of the ray; or that of the ray differentials, if the mean over the cell needs them;
+            else 0. It is the geometric mean of the axes of the footprint's ellipse on the cloth.
+            """
             kit, scale = self.kit, 1.0 if self.footprint_scale is None else self.footprint_scale
             footprint = self.footprint_um
             if self.footprint_rad is not None:
-                # An ellipse with the axes l and l / cos, l the pixel's width at the length of the ray; by the
-                # areas of the cloth and of the surface for the same piece of uv.
+                # The ellipse has the axes l and l / cos, where l is the pixel's width at the length of the
+                # ray; areas are converted from the surface to the cloth by those of the same piece of uv.
                 per_uv = dr.norm(dr.cross(si.dp_du, si.dp_dv)) * dr.maximum(dr.abs(si.wi.z), 1e-3)
                 um2_per_uv = dr.abs(self.um_per_uv.x * self.um_per_uv.y) * self.scale_of_uv()
                 squared = si.t * si.t * um2_per_uv / dr.maximum(per_uv, 1e-30)
@@ -231,14 +237,14 @@ def define(Calls):
             return scale * footprint
 
         def far_share(self, footprint):
-            """Share of the mean over the cell in the answer (``ClothModel::far_at``)."""
+            """Weight of the mean over the cell in the result (``ClothModel::far_at``)."""
             kit = self.kit
             t = clamp(footprint * (2.0 / self.longest_um) - 1.0, 0.0, 1.0)
-            # Not a number is no footprint.
+            # NaN counts as no footprint.
             return kit.float(dr.select(t > 0.0, t * t * (3.0 - 2.0 * t), 0.0))
 
         def sigma_of_color(self, reflectance):
-            """Absorptions that give the cloth a color: its brightness inverted (src/color/absorption.rs)."""
+            """Absorptions that give the cloth a color: the inverse of its brightness (src/color/absorption.rs)."""
             kit, out = self.kit, self.kit.zero_s()
             for k in range(kit.count):
                 out[k] = self.cloth.sigma_of_brightness(reflectance[k])
@@ -260,13 +266,13 @@ def define(Calls):
             return out
 
         def mean_at(self, si, own, wo):
-            """The mean over the cell seen from ``wo``, of the colors that the point has."""
+            """The mean over the cell seen from ``wo``, with the colors at the point."""
             shares = self.cloth.dye_shares
             dyed = lambda kind: [(share, self.dye(si, self.kit.uint(dye))) for dye, share in shares[kind]]
             return self.far.at(wo, [dyed(kind) if sigma is None else [(1.0, sigma)] for kind, sigma in enumerate(own)], self.gaps)
 
         def own_sigmas(self, si, active):
-            """Absorptions of the kinds of yarns at a point, where all of a kind have the same."""
+            """Absorptions at a point of the kinds of yarns whose yarns all share one absorption."""
             kit, own = self.kit, []
             for kind, (color, sigma) in enumerate(zip(self.colors, self.sigmas)):
                 if sigma is not None:
@@ -280,12 +286,12 @@ def define(Calls):
             return own
 
         def sigma_of(self, si, own, hit, corner):
-            """Absorptions of the yarn that a line hits, whose numbers are those of the cell ``corner``."""
+            """Absorptions of the yarn that a line hits; yarn numbers are relative to the cell ``corner``."""
             sigmas = [self.dye(si, self.cloth.dye_of(kind, hit, corner)) if sigma is None else sigma for kind, sigma in enumerate(own)]
             return sigmas[0] if len(own) == 1 else dr.select(hit["kind"] == 0, *sigmas)
 
         def slit_of(self, si, hit, at):
-            """The slit of a ply that a line hits, of a cloth with slits."""
+            """The slit of a hit ply, for a cloth with slits."""
             return None if self.slits is None else self.slits.at(hit["kind"] == 0, at["is_double"], self.lambda_um(si))
 
         # Light
@@ -293,14 +299,16 @@ def define(Calls):
         walked, chosen_ply, plies_light = _through.walked, _light.chosen_ply, _light.plies_light
 
         def directions(self, si, *wo):
-            """Directions of the shading frame in the pattern's, without gradients."""
+            """Converts directions from the shading frame to the pattern's frame, without gradients."""
             return [[dr.detach(x) if self.kit.jit else x for x in self.to_pattern(si, w)] for w in wo]
 
         def model_eval(self, si, wo, active):
             return self.light(si, self.walked(si, active), self.directions(si, wo))[0]
 
         def light(self, si, at, directions):
-            """f and the density of samples in each of these directions of the pattern, of the line that was followed and of the mean over the cell."""
+            """f and sampling density in each of these directions of the pattern, from the hits of the line and from the
+            mean over the cell.
+            """
             near = [self.near_light(si, at, b, sums) for b, sums in zip(directions, self.plies_light(si, at, directions))]
             if self.far is None:
                 return near
@@ -319,8 +327,8 @@ def define(Calls):
             is_up = b[2] * at["up_sign"] >= 0.0
             if cloth.hairs is not None:
                 f = f * cloth.hairs.passes(b) + cloth.hairs.eval(at["hairs"], is_up, b)
-            f = f + cloth.between_eval(at["about"], at["up"], at["down"], is_up, b)
-            pdf = at["per_ply"] * density + cloth.between_pdf(at["about"], at["chances"][2:4], is_up, b)
+            f = f + cloth.inter_yarn_eval(at["about"], at["up"], at["down"], is_up, b)
+            pdf = at["per_ply"] * density + cloth.inter_yarn_pdf(at["about"], at["chances"][2:4], is_up, b)
             if cloth.hairs is not None:
                 pdf = pdf + dr.select(is_up, *at["chances"][4:]) * (0.5 / math.pi)
             if cloth.plies.some_edge and cloth.options["edges"]:
@@ -350,7 +358,9 @@ def define(Calls):
             return first, drawn, second
 
         def drawn(self, si, at, u):
-            """A direction of the line that was followed, or of the mean over the cell; whether light goes straight on, its energy and chance."""
+            """Samples a direction from the hits of the line or from the mean over the cell; also returns whether light
+            passes straight through, its energy and its probability.
+            """
             if self.far is None:
                 b, straight, energy, chance = self.near_drawn(si, at, u)
                 return self.to_surface(si, b), straight, energy, chance
@@ -367,7 +377,7 @@ def define(Calls):
             return self.to_surface(si, wo), straight, energy, chance
 
         def passing_of(self, at):
-            """Energy that goes straight on."""
+            """Energy of the light that passes straight through."""
             near = dr.select(at["is_edge"] | at["is_aperture"], 0.0, at["passing"])
             if self.far is None:
                 return near
@@ -376,12 +386,12 @@ def define(Calls):
 
         def near_drawn(self, si, at, u):
             kit, cloth = self.kit, self.cloth
-            left, found = u[0], kit.bool(False)
+            remaining, found = u[0], kit.bool(False)
             first = []
             for chance in at["chances"]:
-                here = kit.both(kit.no(found), left < chance)
-                first.append((here, dr.minimum(left / dr.maximum(chance, 1e-30), 0.9999999)))
-                left = dr.select(found | here, left, left - chance)
+                here = kit.both(kit.no(found), remaining < chance)
+                first.append((here, dr.minimum(remaining / dr.maximum(chance, 1e-30), 0.9999999)))
+                remaining = dr.select(found | here, remaining, remaining - chance)
                 found = found | here
             chosen, main = self.chosen_ply(si, at, _another(kit, u)), at["main"]
 
@@ -403,7 +413,7 @@ def define(Calls):
                 w = self.gaps.draw(at["spectra"], at["wo"], self.lambda_um(si), [first[1][1], u[1], u[2]])
                 b = [dr.select(kit.both(first[1][0], at["is_aperture"]), x, y) for x, y in zip(w, b)]
             number = dr.select(first[2][0], first[2][1], first[3][1])
-            w = cloth.between_draw(at["about"], first[2][0], at["up_sign"], [number, u[1], u[2]])
+            w = cloth.inter_yarn_draw(at["about"], first[2][0], at["up_sign"], [number, u[1], u[2]])
             b = [dr.select(first[2][0] | first[3][0], x, y) for x, y in zip(w, b)]
             if cloth.hairs is not None:
                 (up, _), (down, _) = first[4:]
@@ -423,12 +433,12 @@ def define(Calls):
 
 
 def _number(x):
-    """A Python number of a scalar or an array of one."""
+    """Python number of a scalar or of an array with one element."""
     return x if isinstance(x, (int, float)) else np.asarray(x).ravel()[0]
 
 
 def _another(kit, u):
-    """A random number made of the bits of two others."""
+    """A random number from the bits of two others."""
     if kit.jit:
         bits = [dr.reinterpret_array(kit.UInt, kit.Float(x)) for x in u[:2]]
         return mi.sample_tea_float32(bits[0], bits[1], 4)

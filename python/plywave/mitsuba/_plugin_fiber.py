@@ -1,4 +1,4 @@
-"""The plugin ``plywave_fiber``."""
+"""The plugin ``plywave_fiber``: a fiber table on curves."""
 
 import math
 
@@ -13,7 +13,7 @@ from ._ply import read_container
 
 
 def define(Calls):
-    """The plugin's class for the current variant."""
+    """Defines the plugin's class for the current variant."""
 
     class OneFiber(Calls):
         """``plywave_fiber``: a single fiber's table on a curve or a tube with uv."""
@@ -55,7 +55,7 @@ def define(Calls):
             check_size("plywave_fiber", "beta_m_rad", self.beta, 1)
 
         def eval_attribute_1(self, name, si, active=True):
-            # In scalar variants it is an array, which Mitsuba takes for no number.
+            # In scalar variants it is an array, which Mitsuba does not accept as a number.
             if name == "beta_m_rad" and not self.kit.jit:
                 return self.kit.number_of(self.beta)
             return super().eval_attribute_1(name, si, active)
@@ -65,13 +65,15 @@ def define(Calls):
             return beta * beta
 
         def turned(self, si):
-            """Cosine and sine of the azimuth of the normal in the outline's frame."""
+            """Cosine and sine of the azimuth of the normal in the frame of the outline."""
             around = si.uv.x if self.axis == "v" else si.uv.y
             sin, cos = dr.sincos(2.0 * math.pi * around + self.rotation)
             return cos, sin
 
         def to_fiber(self, turn, w):
-            """A direction of the shading frame in the fiber's: z along it, x and y those of the outline."""
+            """Converts a direction from the shading frame to the fiber's: z along the fiber, x and y those of the
+            outline.
+            """
             cos, sin = turn
             along, beside = (w.y, w.x) if self.axis == "v" else (-w.x, w.y)
             return [cos * w.z - sin * beside, sin * w.z + cos * beside, along]
@@ -82,45 +84,47 @@ def define(Calls):
             return self.kit.Vector3f(beside, w[2], up) if self.axis == "v" else self.kit.Vector3f(-w[2], beside, up)
 
         def query(self, si):
-            """The fiber at a hit, the turn of its outline, and by wavelength 1 where the line meets the width that it takes light from."""
+            """The fiber at a hit, the rotation of its outline, and by wavelength 1 if the ray hits within the effective
+            width, else 0.
+            """
             turn = self.turned(si)
             wi = self.to_fiber(turn, si.wi)
             at = self.fiber.at(wi, self.lambda_um(si))
-            met = self.kit.S(1.0)
+            hit = self.kit.S(1.0)
             if self.width == "wave":
-                # The hit lies as far from the axis as the curve's radius, which stands for half of the
-                # greatest width.
+                # The hit lies at the curve's radius from the axis, and that radius represents half of the
+                # largest width.
                 normal = self.to_fiber(turn, self.kit.Vector3f(0.0, 0.0, 1.0))
                 x, y = at["azimuth"]
                 offset = dr.abs(x * normal[1] - y * normal[0]) * self.fiber.max_width_um
                 for k in range(self.kit.count):
-                    met[k] = dr.select(offset <= at["width_um"][k], 1.0, 0.0)
-            return at, turn, met
+                    hit[k] = dr.select(offset <= at["width_um"][k], 1.0, 0.0)
+            return at, turn, hit
 
-        def chances(self, at, met):
-            """By wavelength the share of the samples, and that of light which passes beside the fiber."""
-            scattered = met * at["albedo"]
-            missed = self.kit.mean(self.kit.S(1.0) - met)
+        def chances(self, at, hit):
+            """Sampling weights by wavelength, and those of light that passes beside the fiber."""
+            scattered = hit * at["albedo"]
+            missed = self.kit.mean(self.kit.S(1.0) - hit)
             total = self.kit.mean(scattered) + missed
             return scattered, missed, dr.select(total > 0.0, 1.0 / dr.maximum(total, 1e-30), 0.0)
 
         def model_eval(self, si, wo, active):
             kit = self.kit
-            at, turn, met = self.query(si)
-            f = met * self.fiber.eval(at, self.variance(), self.to_fiber(turn, wo))
-            _, _, per = self.chances(at, met)
+            at, turn, hit = self.query(si)
+            f = hit * self.fiber.eval(at, self.variance(), self.to_fiber(turn, wo))
+            _, _, per = self.chances(at, hit)
             pdf = per * kit.mean(f)
             return f, dr.detach(pdf) if kit.jit else pdf
 
         def model_sample(self, si, u, active):
             kit = self.kit
-            at, turn, met = self.query(si)
-            scattered, missed, per = self.chances(at, met)
+            at, turn, hit = self.query(si)
+            scattered, missed, per = self.chances(at, hit)
             chance = per * missed
             straight = u[0] < chance
             first = dr.minimum((u[0] - chance) / dr.maximum(1.0 - chance, 1e-7), 0.99999994)
             w = self.fiber.draw(at, self.variance(), scattered, [dr.maximum(first, 0.0), u[1], u[2]])
-            return self.to_surface(turn, w), straight, kit.S(1.0) - met, chance
+            return self.to_surface(turn, w), straight, kit.S(1.0) - hit, chance
 
         def eval_null_transmission(self, si, active=True):
             return self.kit.S(1.0) - self.query(si)[2]

@@ -1,4 +1,4 @@
-"""The plugin ``plywave_ply``."""
+"""The plugin ``plywave_ply``: a ply model on curves."""
 
 import drjit as dr
 import mitsuba as mi
@@ -10,11 +10,13 @@ from ._ply import Plies, read_container
 
 
 def ply_frame(wi, axis):
-    """Axes x, y, z of the ply frame (Yu 2025, Eq. 1) for light from ``wi``: lists of three, and the sine and cosine between ``wi`` and ``axis``."""
+    """Axes x, y, z of the ply frame (Yu 2025, Eq. 1) for light from ``wi``, as lists of three, and sine and cosine of
+    the angle between ``wi`` and ``axis``.
+    """
     x = cross3(wi, axis)
     squared = dot3(x, x)
     along = squared > 1e-10
-    # A line along the ply: any x across.
+    # If the ray runs along the ply, any axis across it serves as x.
     other = cross3([axis[1], axis[2], axis[0]], axis)
     x = [dr.select(along, a, b) for a, b in zip(x, other)]
     per = dr.rsqrt(dr.maximum(dot3(x, x), 1e-12))
@@ -24,7 +26,7 @@ def ply_frame(wi, axis):
 
 
 def define(Calls):
-    """The plugin's class for the current variant."""
+    """Defines the plugin's class for the current variant."""
 
     class Ply(Calls):
         """``plywave_ply``: a ply model on a curve or a tube with uv."""
@@ -60,13 +62,13 @@ def define(Calls):
             callback.put("sigma_per_um", self.sigma, mi.ParamFlags.Differentiable)
 
         def query(self, si, active):
-            """theta_i, h, sigma and the ply's axes at a hit."""
+            """theta_i, h, sigma and the axes of the ply at a hit."""
             axis = [0.0, 1.0, 0.0] if self.axis == "v" else [1.0, 0.0, 0.0]
             if self.kit.jit:
                 axis = [self.kit.Float(a) for a in axis]
             x, y, z, sine, cosine = ply_frame([si.wi.x, si.wi.y, si.wi.z], axis)
             theta_i = dr.atan2(cosine, sine)
-            # The hit lies R from the axis along the normal.
+            # The hit lies at the distance R from the axis along the normal.
             h = x[2] * (0.99999 * self.radius)
             return theta_i, h, dr.maximum(self.sigma.eval(si, active), 0.0), (x, y, z)
 
@@ -74,7 +76,7 @@ def define(Calls):
             return self.kit.jit and dr.grad_enabled(sigma)
 
         def terms(self, si, wo, active):
-            """f_refl, f_high, f_edge and the density of samples."""
+            """f_refl, f_high, f_edge and the sampling density."""
             kit, plies = self.kit, self.plies
             theta_i, h, sigma, frame = self.query(si, active)
             w = [wo.x, wo.y, wo.z]
@@ -100,9 +102,9 @@ def define(Calls):
             e = plies.energies(0, theta_i, h)
             scattered = e[1] + kit.mean(plies.high_energy(e[2], plies.transmittances(0, sigma)))
             total = scattered + e[0]
-            left = u[0] * total
-            missed = left >= scattered
-            first = dr.select(missed, (left - scattered) / dr.maximum(e[0], 1e-30), left / dr.maximum(scattered, 1e-30))
+            remaining = u[0] * total
+            missed = remaining >= scattered
+            first = dr.select(missed, (remaining - scattered) / dr.maximum(e[0], 1e-30), remaining / dr.maximum(scattered, 1e-30))
             first = dr.minimum(first, 0.9999999)
             w = plies.draw(0, theta_i, h, sigma, e, [first, u[1], u[2]], False)
             if self.is_edge:

@@ -1,4 +1,4 @@
-"""The BSDF plugins, made anew for every variant."""
+"""The BSDF plugins, defined anew for every variant."""
 
 import mitsuba as mi
 
@@ -7,7 +7,7 @@ from ._base import make_calls
 
 
 def define():
-    """Makes and registers the plugins for the current variant."""
+    """Defines and registers the plugins for the current variant."""
     Calls = make_calls()
     made = {"ply": _plugin_ply.define(Calls), "fiber": _plugin_fiber.define(Calls), "cloth": _plugin_cloth.define(Calls)}
     for name, plugin in made.items():

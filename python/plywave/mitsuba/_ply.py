@@ -22,7 +22,7 @@ _TYPES = {"F64": "<f8", "F32": "<f4", "U8": "u1", "U64": "<u8", "U32": "<u4"}
 
 
 def read_container(data, name):
-    """Tensors and JSON document of a file of docs/reference/format/models.md."""
+    """Tensors and JSON document of a file in the format of docs/reference/format/models.md."""
     if len(data) < 8:
         raise ValueError(f"{name}: file: {len(data)} bytes: expected a plywave file")
     size = int.from_bytes(data[:8], "little")
@@ -39,21 +39,21 @@ def read_container(data, name):
 
 
 def _extended(a, axis):
-    """With one node beyond each end, continued linearly."""
+    """The array with one more node beyond each end, extrapolated linearly."""
     first, second = (np.take(a, [i], axis) for i in (0, 1))
     last, before = (np.take(a, [i], axis) for i in (-1, -2))
     return np.concatenate([2 * first - second, a, 2 * last - before], axis)
 
 
 def _bordered(c):
-    """Coefficients of a spline of energies with one beyond each end (src/ply/data/energies.rs)."""
+    """Spline coefficients of energies with one more beyond each end (src/ply/data/energies.rs)."""
     c = _extended(c.astype(np.float64), 1)
-    # Mirrored at theta_i = 0: c(-theta_i, h) = c(theta_i, -h).
+    # Mirror symmetry at theta_i = 0: c(-theta_i, h) = c(theta_i, -h).
     return np.concatenate([c[1:2, ::-1], c, 2 * c[-1:] - c[-2:-1]], 0)
 
 
 def _stored(lobes):
-    """Bandwidths as log2 sqrt(mu log2 e)."""
+    """Lobes with bandwidths stored as log2 sqrt(mu log2 e)."""
     lobes = lobes.astype(np.float64)
     lobes[..., 3:5] = 0.5 * (lobes[..., 3:5] * LOG2_E + math.log2(LOG2_E))
     return lobes
@@ -68,9 +68,9 @@ class Plies:
     """Tables of one or several ply models on the device."""
 
     def __init__(self, kit, files):
-        """``files``: tensors of each model, from :func:`read_container`."""
+        """Loads ``files``, the tensors of each model from :func:`read_container`."""
         self.kit = kit
-        # Lobes by one name, whatever they are.
+        # Tensors of both kinds of lobes have the same name here.
         files = [{"is_cone": float("cone_refl" in f)} | {key.removeprefix("cone_"): value for key, value in f.items()} for f in files]
         self.refl_lobes = max(f["refl"].shape[2] for f in files)
         self.high_lobes = max(f["high"].shape[4] for f in files)
@@ -82,7 +82,7 @@ class Plies:
         head = []
 
         def add(name, values, unit):
-            """The number of units before these values."""
+            """Appends values to a table; returns the number of units before them."""
             values = np.ascontiguousarray(values, np.float64).ravel()
             at, starts[name] = starts[name], starts[name] + len(values) // unit
             tables[name].append(values)
@@ -99,7 +99,7 @@ class Plies:
                 n |= {f"{kind}_row": columns + 2, f"{kind}_last_t": rows - 1, f"{kind}_last_h": columns - 1}
                 n |= {f"{kind}_per_t": (rows - 1) / theta_last, f"{kind}_per_h": (columns - 1) / (2 * h_last)}
             n["miss_at"] = add("miss", _bordered(f["miss"]), 1)
-            # A node of the shares: path lengths, then f_refl, in packets of four.
+            # Layout of a node: fractions by path length, then f_refl, in packets of four.
             width = self.paths + 4
             shares = np.zeros((n["share_last_t"] + 3, n["share_last_h"] + 3, width))
             for p in range(j):
@@ -153,7 +153,7 @@ class Plies:
                 self._head[key] = kit.words(values) if key.endswith(("_at", "_row")) else kit.floats(values)
 
     def number(self, key, m):
-        """A number of model ``m``: a constant where all models have the same."""
+        """A number of model ``m``: a constant if all models have the same number."""
         if key in self._same:
             return self._same[key]
         if key.endswith(("_at", "_row")):
@@ -163,7 +163,7 @@ class Plies:
     # Energies
 
     def _taps(self, kind, m, theta, h):
-        """First node, weights along theta_i and along h (src/ply/kernel/grid_cell.rs)."""
+        """First node, and weights along theta_i and along h (src/ply/kernel/grid_cell.rs)."""
         kit = self.kit
         number = lambda key: self.number(f"{kind}_{key}", m)
         t = dr.minimum(theta * number("per_t"), number("last_t"))
@@ -179,7 +179,7 @@ class Plies:
         return at, spline(t - row), spline(x - column)
 
     def energies(self, m, theta_i, h_um):
-        """r_d, energy of f_refl, path-length spectrum of f_high's; whether the beam is within the nodes is in them."""
+        """r_d, the energy of f_refl, and the path-length spectrum of f_high; they account for beams outside the nodes."""
         kit = self.kit
         flip = theta_i < 0.0
         theta, h = dr.abs(theta_i), dr.select(flip, -h_um, h_um)
@@ -205,7 +205,7 @@ class Plies:
         return r_d, shares[self.paths], shares[: self.paths]
 
     def r_d(self, m, theta_i, h_um):
-        """What passes a ply alone."""
+        """The fraction of light that passes a ply."""
         kit = self.kit
         flip = theta_i < 0.0
         theta, h = dr.abs(theta_i), dr.select(flip, -h_um, h_um)
@@ -218,7 +218,7 @@ class Plies:
         return dr.select(dr.abs(h_um) <= self.number("h_last", m), clamp(r_d, 0.0, 1.0), 1.0)
 
     def transmittances(self, m, sigma):
-        """Of the path lengths, by absorption."""
+        """Transmittances of the path lengths, by absorption."""
         path = self.kit.packets(self.tables["path"], self.number("path_at", m), self.paths // 4)
         sigma = clamp(sigma, 0.0, 1e6)
         return [dr.exp2(dr.maximum(sigma * p, -126.0)) + MIN_TRANSMITTANCE for p in path]
@@ -229,7 +229,7 @@ class Plies:
     # Lobes
 
     def _cell(self, m, theta_i, h_um):
-        """Where an incidence lies among the nodes of the lobes: first packets and weights."""
+        """Position of an incidence among the nodes of the lobes: first packets and weights."""
         kit = self.kit
         flip = theta_i < 0.0
         theta, h = dr.abs(theta_i), dr.select(flip, -h_um, h_um)
@@ -266,7 +266,7 @@ class Plies:
         }
 
     def _refl(self, cell, l):
-        """Parameters and least energy of reflection lobe ``l``."""
+        """Parameters and smallest energy of reflection lobe ``l``."""
         sums = [0.0] * 8
         for a in range(4):
             for b in range(4):
@@ -276,7 +276,7 @@ class Plies:
         return sums
 
     def _high(self, cell, l):
-        """Parameters, least energy and path lengths of high-order lobe ``l``."""
+        """Parameters, smallest energy and path lengths of high-order lobe ``l``."""
         packets = 2 + self.paths // 4
         sums = [0.0] * (4 * packets)
         for c in range(4):
@@ -291,8 +291,10 @@ class Plies:
         return refl, high, density
 
     def lobes_towards(self, m, theta_i, h_um, sigma, directions, energies, unrolled, slit=None):
-        """f_refl, f_high and light of a slit in each of some directions of the ply frame [1/sr], and the sum of mean energies times densities there: over the mean energy it is
-        the density of :meth:`draw`. ``energies`` are of :meth:`energies`; ``slit`` is one of ``_gaps.py``."""
+        """f_refl, f_high and the light of a slit in each of these directions of the ply frame [1/sr], and the sum over
+        lobes of mean energy times density there; divided by the mean energy, it is the density of :meth:`draw`.
+        ``energies`` come from :meth:`energies`; ``slit`` is a ``Slit`` of ``_gaps.py``.
+        """
         kit = self.kit
         cell, lobe = self._cell(m, theta_i, h_um), kind_of(self.number("is_cone", m), theta_i)
         through = self.transmittances(m, sigma)
@@ -330,7 +332,9 @@ class Plies:
         return lights
 
     def draw(self, m, theta_i, h_um, sigma, energies, u, unrolled, slit=None):
-        """A direction of the ply frame drawn from the lobes and the light that a slit takes of them, by three numbers in [0, 1)."""
+        """Samples a direction of the ply frame from the lobes and from the light that a slit takes from them, with three
+        numbers in [0, 1).
+        """
         kit = self.kit
         cell = self._cell(m, theta_i, h_um)
         through = self.transmittances(m, sigma)
@@ -339,7 +343,7 @@ class Plies:
         left = u[0] * total
         is_refl = left < energies[1]
         remaining = dr.select(is_refl, left, left - energies[1])
-        # The channel, then a lobe of it: together as likely as by the lobe's mean energy.
+        # First the channel is drawn, then one of its lobes: together in proportion to the lobe's mean energy.
         path, found = [t[kit.count - 1] for t in through], kit.bool(False)
         below, of = kit.float(0.0), high[kit.count - 1]
         sum_before = kit.float(0.0)
@@ -403,7 +407,9 @@ class Plies:
         return [dr.exp2(clamp(row[i] + f * (row[2 + i] - row[i]), *bounds)) for i in range(2)]
 
     def edge(self, m, theta_i, h_um, lam, v):
-        """Edge light of energy 1 by wavelength [1/sr], and the density of :meth:`edge_draw`; of a model with edge lobes."""
+        """Edge light of energy 1 by wavelength [1/sr], and the density of :meth:`edge_draw`, for a model with edge
+        lobes.
+        """
         kit = self.kit
         e, fraction = self._edge_cell(m, h_um)
         s, c = dr.sincos(clamp(theta_i, -0.5 * math.pi, 0.5 * math.pi))
@@ -425,7 +431,7 @@ class Plies:
         return value, pdf * (1.0 / kit.count)
 
     def edge_draw(self, m, theta_i, h_um, lam, u):
-        """A direction of edge light; the first number chooses the wavelength."""
+        """Samples a direction of edge light; the first number chooses the wavelength."""
         kit = self.kit
         which = kit.uint(dr.minimum(u[0] * kit.count, kit.count - 1.0))
         chosen = lam[0]
@@ -437,10 +443,12 @@ class Plies:
         s, c = dr.sincos(clamp(theta_i, -0.5 * math.pi, 0.5 * math.pi))
         return [x, -s * y - c * z, c * y - s * z]
 
-    # Where light leaves
+    # Exit positions
 
     def exits(self, m, theta_i, h_um, radius):
-        """Coefficients of the mean offsets of the three kinds of light, ``[3][5]``, and the tangent of the latitude (src/ply/data/exits.rs)."""
+        """Coefficients of the mean exit offsets of the three kinds of light, ``[3][5]``, and the tangent of the latitude
+        (src/ply/data/exits.rs).
+        """
         kit = self.kit
         theta, flip = dr.abs(theta_i), theta_i < 0.0
         h = dr.select(flip, -h_um, h_um)

@@ -1,4 +1,6 @@
-"""Relief in Dr.Jit: which fibers lie on a ply's surface, as factors of mean 1 on f_refl and f_high (``src/ply/relief.rs``)."""
+"""Relief in Dr.Jit: the visibility of single fibers on a ply's surface, as factors of mean 1 on f_refl and f_high
+(``src/ply/relief.rs``).
+"""
 
 import math
 
@@ -9,7 +11,7 @@ from ._kit import clamp
 from ._speckle import GAMMA, Words
 
 # src/ply/relief.rs
-JITTER, HIGH, ENDS, WIDEST, LEAST = 0.35, 0.3, 2.6457513, 1.5, 0.02
+JITTER, HIGH, ENDS, WIDEST, LEAST = 0.35, 0.3, 7.0**0.5, 1.5, 0.02
 COUNT, RING, FREE, FIBER, WIDTH = range(5)
 
 
@@ -23,7 +25,7 @@ class Relief:
         self.rows = [[float(x) for x in row] for row in rows]
 
     def number(self, which, kind):
-        """A number of a kind's plies."""
+        """A number of the plies of a kind."""
         first, last = self.rows[0][which], self.rows[-1][which]
         return first if first == last else dr.select(kind == 0, first, last)
 

@@ -1,22 +1,23 @@
-"""Shadows of yarns on their neighbors in Dr.Jit (``src/cloth/shadow.rs``, ``shade.rs``)."""
+"""Shadows of yarns on their neighbors in Dr.Jit (``src/cloth/shade/shadow_table.rs``, ``shade.rs``)."""
 
 import math
 
 import drjit as dr
 
 from ._kit import clamp
+from ._native import CONSTANTS
 
 TAU = 2.0 * math.pi
 # src/ply/data/exits.rs
 EXIT_KINDS, MEANS, MAX_MEAN = 3, 65, 0.97
 # src/ply/lines.rs
 PASSED_ROWS, PASSED_COLUMNS = 16, 65
-# src/cloth/shadow.rs
+# src/cloth/shade/shadow_table.rs
 BANDS, COLUMNS, OFFSETS = 8, 16, 7
 ROWS = BANDS + 1
 SIZE = 2 * ROWS * COLUMNS
 MAX_SHARE = 1.35
-MEAN_Z = [0.017678, 0.082322, 0.175568, 0.290118, 0.422526, 0.570634, 0.732919, 0.908235]
+MEAN_Z = CONSTANTS["shadow_mean_z"]
 PER_SQUARED_SINE = 1.0 / (1.0 - MEAN_Z[-1] ** 2)
 
 
@@ -29,10 +30,10 @@ def two_thirds(z):
 
 
 class Shadows:
-    """Chances that light of a ply gets out of the cloth. The tables are those of ``Curves``."""
+    """Probabilities that light of a ply escapes the cloth. The tables are those of ``Curves``."""
 
     def shadow_direction(self, b):
-        """Rows and columns of the table around a direction and their weights."""
+        """Rows and columns of the table around a direction, and their weights."""
         kit = self.kit
         z = dr.minimum(dr.abs(b[2]), 1.0)
         r = dr.minimum(dr.floor(dr.maximum(dr.minimum(two_thirds(z) * BANDS, float(BANDS)) - 0.5, 0.0)), BANDS - 1.0)
@@ -53,7 +54,7 @@ class Shadows:
         ]
 
     def free_at(self, hit, s, around):
-        """Chances of being free at the offsets, of light that leaves ``s`` radii further along the ply."""
+        """Probabilities of escape at the offsets, for light that leaves ``s`` radii further along the ply."""
         kit = self.kit
         sums = [0.0] * OFFSETS
         for row, weight in self.shadow_rows(hit, s):
@@ -67,7 +68,9 @@ class Shadows:
         return [clamp(x * (MAX_SHARE / 255.0), 0.0, MAX_SHARE) for x in sums]
 
     def exit_density(self, model, kind, mean):
-        """How light of a kind lies across a ply of a model where it leaves, as :meth:`below` asks (src/ply/data/exits.rs)."""
+        """Distribution across a ply of the light of a kind that leaves it, in the form that :meth:`below` takes
+        (src/ply/data/exits.rs).
+        """
         kit = self.kit
         x = dr.minimum(dr.abs(mean), MAX_MEAN) * ((MEANS - 1) / MAX_MEAN)
         node = dr.minimum(dr.floor(x), MEANS - 2.0)
@@ -80,14 +83,14 @@ class Shadows:
 
     @staticmethod
     def below(density, t):
-        """The share that leaves at offsets below ``t``."""
+        """The fraction that leaves at offsets below ``t``."""
         mode, per, tail, per_all = density
         t = clamp(t, -1.0, 1.0) - mode
         e = dr.exp2(-dr.abs(t) * per)
         return (dr.select(t < 0.0, e, 2.0 - e) - tail) * per_all
 
     def within(self, free, density):
-        """The mean of what is free at the offsets of a ply, of light that leaves it so."""
+        """Mean over the exit offsets of the probability of escape."""
         total, before = 0.0, 1.0
         for o, value in enumerate(free):
             after = self.below(density, 1.0 - 2.0 * (o + 1) / OFFSETS) if o + 1 < OFFSETS else 0.0
@@ -96,7 +99,9 @@ class Shadows:
         return total
 
     def free(self, hit, model, lines, around, counts):
-        """Shares of single reflection, of other light of clear fibers and of dark ones that get out in the direction that ``around`` is of."""
+        """Fractions of single reflection, of other light of clear fibers and of dark ones that escape in the direction
+        of ``around``.
+        """
         refl, clear, dark = lines
         narrow = self.free_at(hit, 0.5 * (refl[1] + dark[1]), around)
         wide = self.free_at(hit, clear[1], around)
@@ -105,7 +110,7 @@ class Shadows:
         return [dr.select(counts, x, 1.0) for x in shares]
 
     def passed_mean(self, model, theta, low, high):
-        """The mean of r_d over offsets from ``low`` to ``high`` (src/ply/lines.rs)."""
+        """Mean of r_d over offsets from ``low`` to ``high`` (src/ply/lines.rs)."""
         kit = self.kit
         per_h, flip = 1.0 / kit.take(self.passed_h, kit.uint(model)), theta < 0.0
         low, high = dr.select(flip, -high, low) * per_h, dr.select(flip, -low, high) * per_h

@@ -1,6 +1,6 @@
 """Speckle in Dr.Jit (Yu 2025, 6.2): factors of mean 1 on f_refl and f_high, the power of a field of sources on the fibers of a ply.
 
-The tables are those of the library's ``NoiseField``, the formulas those of ``src/speckle/field.rs``; so are the hashes, to the bit. Gradients do not flow through it.
+The tables are those of the library's ``NoiseField``, the formulas those of ``src/ply/speckle/field.rs``; so are the hashes, to the bit. Gradients do not flow through it.
 """
 
 import math
@@ -12,14 +12,14 @@ import numpy as np
 from ._kit import clamp, detached
 
 GAMMA, MASK = 0x9E3779B97F4A7C15, (1 << 64) - 1
-# src/speckle/field.rs
+# src/ply/speckle/field.rs
 SEAM_RAD, CELLS, ACROSS, LEAST, SPREAD, STEPS, TABLE = 0.15, 16, 0.58, 0.02, 0x9E3779B9, (0xC13FA9A9, 0x91E10DA5), 512
 SIZE, ALONG, REFL, HIGH = range(4)
 NUMBERS = "count ring w0 lam share_refl share_high fade_refl slope_refl fade_high slope_high seed has".split()
 
 
 class Words:
-    """64-bit words of a variant: arrays of Dr.Jit, or Python's numbers."""
+    """64-bit words of a variant: Dr.Jit arrays or Python numbers."""
 
     def __init__(self, jit):
         self.jit = jit
@@ -38,10 +38,10 @@ class Words:
 
 
 class Speckle:
-    """The noise of one or several models on the device."""
+    """Noise of one or several models on the device."""
 
     def __init__(self, kit, noise):
-        """``noise``: of each model a dictionary of its numbers and tables (python/src/tensors.rs), or none."""
+        """Loads ``noise``: for each model a dictionary of its numbers and tables (python/src/tensors.rs), or ``None``."""
         self.kit = kit
         self.some = any(n is not None for n in noise)
         if not self.some:
@@ -56,7 +56,7 @@ class Speckle:
         return self.kit.words(values) if name == "seed" else self.kit.floats(values)
 
     def number(self, name, model):
-        """A number of a model: a constant where all have the same."""
+        """A number of a model: a constant if all models have the same number."""
         value = self.head[name]
         if isinstance(value, (int, float)):
             return value
@@ -66,7 +66,7 @@ class Speckle:
         return self.kit.take(self.tables, (model * 4 + table) * TABLE + index)
 
     def word(self, x):
-        """A whole number as a word, modulo 2^32."""
+        """An integer as a word, modulo 2^32."""
         return self.kit.UInt(x) if self.kit.jit else int(x) & 0xFFFFFFFF
 
     def times(self, x, factor):
@@ -82,13 +82,13 @@ class Speckle:
         return x ^ (x >> 16)
 
     def row(self, model, azimuth, h_um):
-        """How many fibers around lies what shows at an offset (``FibersAround::row``)."""
+        """Number of fibers around the ply between the viewer and the fiber visible at an offset (``FibersAround::row``)."""
         x = clamp(h_um / self.number("ring", model), -1.0, 1.0)
         asin = dr.atan2(x, dr.sqrt(dr.maximum(1.0 - x * x, 0.0)))
         return self.number("count", model) * (0.5 / math.pi) * (azimuth - asin)
 
     def blur(self, model, footprint_um, h_um):
-        """Contrast of each kind that a footprint leaves."""
+        """Contrast of each kind that remains under a footprint."""
         footprint_um = dr.maximum(footprint_um, 0.0)
         along = 0.29 * footprint_um / self.number("w0", model)
         rows = self.row(model, 0.0, h_um - 0.5 * footprint_um) - self.row(model, 0.0, h_um + 0.5 * footprint_um)
@@ -104,8 +104,10 @@ class Speckle:
         return out
 
     def at(self, model, ply, azimuth, along_um, footprint_um, h_um):
-        """The patterns of a place: of the two fibers the hash, the lowest cell, the place past that in the middle, the scale of the weights and the first quantiles of positions; number
-        of their sources; and the contrast."""
+        """The patterns at a position: for the two fibers the hash, the lowest cell, the position relative to the middle
+        cell, the scale of the weights and the first quantiles of positions; the number of their sources; and the
+        contrast.
+        """
         kit = self.kit
         azimuth, along_um, footprint_um, h_um = map(detached, (azimuth, along_um, footprint_um, h_um))
         count = self.number("count", model)
@@ -119,7 +121,7 @@ class Speckle:
         for i, share in enumerate((dr.cos(turn), dr.sin(turn))):
             number = first + float(i)
             number = number - count * dr.floor(number / count)
-            # Rounding may leave the number of all.
+            # Rounding may produce the total number of fibers, which wraps to 0.
             number = dr.select(number >= count, 0.0, number)
             key = self.mix(self.plus(of_ply, self.times(self.word(number), SPREAD)))
             cell = 0.25 * CELLS / self.number("w0", model) * along_um + 2.0**-24 * kit.float(key >> 8)
@@ -140,7 +142,9 @@ class Speckle:
         return open_ * open_ * open_
 
     def source(self, model, fibers, s):
-        """Weight and position along the fiber of a source; of each kind its size, phase [half turns] and position across."""
+        """Weight and position along the fiber of a source; for each kind its size, phase [half turns] and position
+        across.
+        """
         kit = self.kit
         is_second = s >= CELLS
         key, lowest, past, scale, *shifts = (dr.select(is_second, b, a) for a, b in zip(*fibers))
@@ -156,13 +160,15 @@ class Speckle:
         return weight, position(ALONG, 2, STEPS[1]), kinds
 
     def position(self, model, table, quantile):
-        """Entry of a table of positions up to their sign at a quantile of 32 bits."""
+        """Entry of a table of unsigned positions at a quantile of 32 bits."""
         is_above = quantile >= 1 << 31
         x = self.entry(model, table, dr.select(is_above, quantile, self.word(0xFFFFFFFF) - quantile) >> 22 & (TABLE - 1))
         return dr.select(is_above, x, -x)
 
     def waves(self, model, fibers, count, points, per, which, wanted):
-        """Of each kind and wavelength the field at u, or at u on the other side of the seam, where it is wanted; of that, too, the correlation of both sides."""
+        """The field of each kind and wavelength at u, or at u on the other side of the seam, where it is wanted; for the
+        latter also the correlation of both sides.
+        """
         kit = self.kit
         zero = lambda: [[kit.float(0.0) for _ in range(kit.count)] for _ in points]
 
@@ -182,7 +188,7 @@ class Speckle:
         return kit.loop(state, lambda s, *_: kit.both(s < count, wanted), add, "speckle")[1:]
 
     def part(self, half_turns):
-        """Half turns without whole turns: the sine and the cosine of large numbers are slow, and not exact."""
+        """Half turns without whole turns: sine and cosine of large numbers are slow and inexact."""
         return half_turns - 2.0 * dr.round(0.5 * half_turns)
 
     def factors(self, model, place, sin_i, w, lam):
@@ -202,10 +208,10 @@ class Speckle:
         lam = [own * clamp(lam[k] / own, 0.1, 10.0) for k in range(kit.count)]
         per = [2.0 / l for l in lam]
         has = self.number("has", model) > 0.5
-        seen = kit.both(kit.bool(has), (blur[0] > 0.0) | (blur[1] > 0.0))
-        re, im, _ = self.waves(model, fibers, count, points, per, False, seen)
+        visible = kit.both(kit.bool(has), (blur[0] > 0.0) | (blur[1] > 0.0))
+        re, im, _ = self.waves(model, fibers, count, points, per, False, visible)
         at_seam = (points[0][3] > 0.0) | (points[1][3] > 0.0)
-        over_re, over_im, both = self.waves(model, fibers, count, points, per, True, kit.both(seen, at_seam))
+        over_re, over_im, both = self.waves(model, fibers, count, points, per, True, kit.both(visible, at_seam))
         out = []
         for i, kind in enumerate(("refl", "high")):
             share, factor = self.number(f"share_{kind}", model), kit.zero_s()
@@ -216,6 +222,6 @@ class Speckle:
                 real = dr.sqrt(1.0 - share) + scale * (a * re[i][k] + b * over_re[i][k])
                 imaginary = scale * (a * im[i][k] + b * over_im[i][k])
                 fade = blur[i] * clamp(self.number(f"slope_{kind}", model) * lam[k] + self.number(f"fade_{kind}", model), 0.0, 1.0)
-                factor[k] = dr.select(seen, 1.0 + fade * (real * real + imaginary * imaginary - 1.0), 1.0)
+                factor[k] = dr.select(visible, 1.0 + fade * (real * real + imaginary * imaginary - 1.0), 1.0)
             out.append(factor)
         return out

@@ -1,11 +1,11 @@
-"""Tables of a cloth on the device: ply models, shadows, light between yarns, brightness (``src/cloth/tensors.rs``)."""
+"""Tables of a cloth on the device: ply models, shadows, inter-yarn scattering, brightness (``src/cloth/tensors.rs``)."""
 
 import math
 
 import drjit as dr
 import numpy as np
 
-from ._between import COUNT, SIGMAS, Between
+from ._inter_yarn import COUNT, SIGMAS, Between
 from ._kit import clamp
 from ._ply import Plies, read_container
 from ._shadow import MEAN_Z, PASSED_COLUMNS, PASSED_ROWS, Shadows
@@ -15,7 +15,7 @@ MIN_CAUGHT, MAX_NEAR = 1e-3, 4
 
 
 class Tables(Shadows, Between):
-    """What lies between the plies of a cloth."""
+    """Tables for the light between the plies of a cloth."""
 
     def __init__(self, kit, tensors):
         self.kit = kit
@@ -32,28 +32,30 @@ class Tables(Shadows, Between):
         at_one = 1.0 / (1.0 + self.curve_length)
         self.curve_range = (float(np.interp(at_one, curve[::-1, 0], curve[::-1, 1])), float(curve[0, 1]))
         widths = np.diff(np.float32(MEAN_Z))
-        # Those of two means behind each other, a packet.
+        # Shapes of two consecutive means form a packet.
         shapes = tensors["exit_shapes"]
         self.exit_shapes = kit.floats(np.concatenate([shapes[..., :-1, :], shapes[..., 1:, :]], -1))
         self.mean_z = kit.floats(np.stack([MEAN_Z, [*(1.0 / widths), 0.0]], 1))
-        of = tensors["between_caught"].transpose(0, 1, 3, 4, 2)
+        of = tensors["inter_yarn_caught"].transpose(0, 1, 3, 4, 2)
         self.classes = of.shape[1]
         caught = np.zeros((2, self.classes, SIGMAS - 1, COUNT, 8), np.float32)
         caught[..., 0:3], caught[..., 3:6] = of[:, :, :-1], of[:, :, 1:]
         self.caught = kit.floats(caught)
-        self.leaves = kit.floats(tensors["between_leaves"])
-        self.shape = kit.floats(tensors["between_shape"])
-        self.parallel = kit.floats(tensors["between_parallel"])
-        self.cones = kit.floats(tensors["between_cones"])
-        # Axes along which two kinds of yarns run; yarns of one kind have no cones.
+        self.leaves = kit.floats(tensors["inter_yarn_leaves"])
+        self.shape = kit.floats(tensors["inter_yarn_shape"])
+        self.parallel = kit.floats(tensors["inter_yarn_parallel"])
+        self.cones = kit.floats(tensors["inter_yarn_cones"])
+        # Axes along which two kinds of yarns run; a cloth of one kind has no cones.
         along_y = tensors["kind"][:, 0] > 0.5
         self.axes = [int(y) for y in along_y] if len(along_y) == 2 else []
 
     def sigma_of_brightness(self, brightness):
-        """The absorption with which the cloth has a brightness: clear fibers above its range, black ones below (src/color/absorption.rs)."""
+        """The absorption at which the cloth has a brightness: non-absorbing fibers above its range, black ones below
+        (src/color/absorption.rs).
+        """
         kit, last = self.kit, self.curve_nodes - 2
         low, high = kit.uint(0), kit.uint(last)
-        # The last node whose value is not below the brightness.
+        # Binary search for the last node whose value is not below the brightness.
         for _ in range(max(1, math.ceil(math.log2(last + 1)))):
             middle = (low + high + 1) >> 1
             up = kit.take(self.curve, middle * 2 + 1) >= brightness

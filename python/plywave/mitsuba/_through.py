@@ -1,9 +1,12 @@
-"""The plies that a line through a cloth of curves hits, and the light that they scatter, in Dr.Jit (``src/cloth/model.rs``).
+"""The plies that a line through a cloth of curves hits, and the light that they scatter, in Dr.Jit
+(``src/cloth/model.rs``).
 
-The hits are found without gradients (``_lines.py``). Where colors or the scale of uv have gradients, what the kept plies scatter is evaluated once more, one after the other.
+The hits are found without gradients (``_lines.py``). Where colors or the scale of uv have gradients, the light of the
+retained plies is evaluated once more, one after the other.
 
-Mitsuba 3.9 does not hand ``eval_pdf_sample`` on to plugins in Python: it calls ``eval_pdf`` and then ``sample``, of the same point. So what a line meets is kept until the next line,
-while kernels are recorded; the variables that describe a point identify it.
+Mitsuba 3.9 does not forward ``eval_pdf_sample`` to plugins in Python: it calls ``eval_pdf`` and then ``sample`` for
+the same point. So the hits of a line are cached until the next line, while kernels are recorded; the variables that
+describe a point identify it.
 """
 
 import drjit as dr
@@ -17,24 +20,24 @@ MIN_OWN, OFF = 0.05, 0.05
 
 
 def walked(self, si, active, is_last=False):
-    """:func:`walk`, or what it found before of the same point; kept for the next call but for the last of a point."""
+    """Result of :func:`walk`, cached for the next call on the same point; the last call on a point does not cache it."""
     if not (self.kit.jit and dr.flag(dr.JitFlag.SymbolicScope)):
         return walk(self, si, active)
     inputs = [self.kit.bool(active), si.wi, si.uv, si.dp_du, si.dp_dv, si.sh_frame.n, si.t, si.duv_dx, si.duv_dy, si.p, si.prim_index, si.wavelengths, si.time]
     variables = list(_variables(inputs))
-    # Where gradients are suspended, the answer has none.
+    # Results computed while gradients are suspended have none.
     key = ([(v.index, getattr(v, "index_ad", 0)) for v in variables], dr.grad_enabled(self.probe))
     last, self.last = self.last, None
     at = last[2] if last is not None and last[0] == key else walk(self, si, active)
     if not is_last and not dr.grad_enabled(at["up"], at["down"], self.um_per_uv, *(x for x in at["own"] if x is not None)):
-        # Results with gradients are not kept. The variables are kept too, so that their numbers are not
+        # Results with gradients are not cached. The variables are stored too, so that their indices are not
         # reused.
         self.last = (key, variables, at)
     return at
 
 
 def _variables(value):
-    """All Dr.Jit variables of arrays in a list."""
+    """All Dr.Jit variables of the arrays in a list."""
     if isinstance(value, list):
         for v in value:
             yield from _variables(v)
@@ -77,15 +80,16 @@ def walk(self, si, active):
         "i": kit.uint(0),
         "on": count > 0,
         "passing": kit.float(1.0) if cloth.hairs is None else cloth.hairs.passes(wo),
-        # Kept for each ply: where it is, its class, the light that arrives, the mean energy that it scatters.
+        # Stored for each ply: its position, its class, the light that arrives, and the mean energy that it
+        # scatters.
         "kept": {key: [kit.uint(0) if key in whole else zero] * KEPT for key in (*cloth.WHERE, "class", "arrives", "weight")},
         "count": kit.uint(0),
-        # Energies by class, and the last ply's, which scatters what those beyond it catch.
+        # Energies by class, including that of the last ply, which scatters what later plies intercept.
         "classes": [none] * cloth.classes,
         "plies": none,
         "last": {"more": kit.float(1.0), "catch": zero, "class": kit.uint(0), "energy": none},
         "main": {"q": [zero] * 8, "model": kit.uint(0)},
-        # By kind, the color of the first ply that is hit.
+        # Color of the first hit ply of each kind.
         "dyed": [kit.uint(dye) for dye in cloth.dye_mean],
         "is_dyed": [kit.bool(False)] * cloth.kinds,
     }
@@ -151,7 +155,7 @@ def walk(self, si, active):
         spectra = self.gaps.at(*cloth.aperture(start, d, kit.both(active, s["count"] == 0)))
     hairs = None
     if cloth.hairs is not None:
-        # Hairs have the color of the yarn below.
+        # Hairs have the color of the yarn below them.
         hairs = cloth.hairs.at(wo, [dyes[0], dyes[-1]], s["passing"])
         s = dict(s, classes=cloth.hairs.with_energies(s["classes"], hairs), passing=s["passing"] * hairs["passes_behind"])
     out = answer(self, si, own, wo, (s["classes"], [dyes[0], dyes[-1]]), s, s["plies"], spectra, hairs)
@@ -168,13 +172,13 @@ def walk(self, si, active):
 
 
 def class_of(cloth, kind, i, count):
-    """Class of a ply that a line hits as the ``i``-th of so many."""
+    """Class of the ``i``-th of ``count`` plies that a line hits."""
     kit = cloth.kit
     return kit.uint(kind) * (cloth.classes // 2) + dr.select(i > 0, kit.uint(2), kit.uint(0)) + dr.select(i + 1 < count, kit.uint(1), kit.uint(0))
 
 
 def again(self, si, own, start, d, s, last_kept, more, corner):
-    """The state of a walk's loop with the gradients of the line's place and of the absorptions."""
+    """The state of a walk's loop with the gradients of the line's position and of the absorptions."""
     kit, cloth = self.kit, self.cloth
     s, kept = dict(s), s["kept"]
     none, product = kit.zero_s(), kit.float(1.0)
@@ -201,6 +205,6 @@ def again(self, si, own, start, d, s, last_kept, more, corner):
 
 
 def ratio(value, product):
-    """What a product without gradients is multiplied by for a value."""
+    """Factor that converts a product without gradients to a value."""
     product = dr.detach(product)
     return dr.select(product > 1e-20, value / dr.maximum(product, 1e-20), 1.0)

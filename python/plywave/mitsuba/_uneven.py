@@ -1,9 +1,9 @@
-"""Unevenness of yarns in Dr.Jit; the formulas of ``src/cloth/uneven.rs``."""
+"""Unevenness of yarns in Dr.Jit, with the formulas of ``src/cloth/geometry/uneven.rs``."""
 
 import drjit as dr
 import numpy as np
 
-#: Deviates have variance 1.
+#: Scale at which deviates have variance 1.
 PER_DEVIATION = 6.0**0.5
 WORD = 0xFFFFFFFF
 
@@ -25,11 +25,11 @@ class Uneven:
         return x ^ (x >> 16)
 
     def word(self, whole):
-        """A whole number with a sign as a word."""
+        """A signed integer as a word."""
         return self.kit.UInt(whole) if self.kit.jit else int(whole) & WORD
 
     def place(self, at):
-        """The place of the even cloth that shows at a point."""
+        """The position on the even cloth that appears at a point."""
         to = list(at)
         for (a, b, pitch, start, length, width, place), seed in self.kinds:
             u, along = (at[0] * a + at[1] * b - start) / pitch, (at[1] * a - at[0] * b) / length

@@ -1,57 +1,58 @@
-//! Dual scattering over strands: scattering between strands is estimated from the strands that a shadow ray
-//! hits (Zinke 2008; Khungurn 2015, 6).
+//! Dual scattering over strands: multiple scattering between strands is estimated from the strands that a
+//! shadow ray hits (Zinke 2008; Khungurn 2015, 6).
 //!
-//! A path ends at the first strand. There, light is sampled from one source and by the fiber's lobes,
-//! weighted by the power heuristic. The ray to it passes through all strands that it hits, and each
-//! attenuates and spreads the light at its own latitude ([`plywave::fiber::dual_scattering`]). With tables'
-//! effective widths a strand counts at the wavelengths at which it is hit. Unoccluded light is scattered as
-//! in path tracing, including the offset if the scene resolves it.
+//! A path ends at its first strand. There, light is sampled from one source and by the fiber's lobes,
+//! combined by the power heuristic. The shadow ray passes through all strands that it hits, and each
+//! attenuates and spreads the light at its own latitude ([`plywave_fiber::dual_scattering`]). With the
+//! effective widths of tables, a strand counts only at the wavelengths at which the ray hits it. Unoccluded
+//! light is scattered as in path tracing, including the offset if the scene resolves it.
 //!
-//! Props are followed as in path tracing, so that light through the strands to a floor comes from the strands
-//! visible from it. For the strands, props are sources with one bounce of the light that reaches them through
-//! the strands.
+//! Paths scatter at props as in path tracing, so that a floor receives the light that passes through the
+//! strands above it. For the strands, props are sources with a single bounce of the light that reaches them
+//! through the strands.
 //!
-//! Tables of averages are computed for [`BINS`] sets of wavelengths and for the mean thickness of the
+//! The averages over a fiber are computed for [`BINS`] sets of wavelengths and for the mean thickness of the
 //! strands. A tapered strand has the transmission of the mean one.
 
 use super::StrandHit;
 use super::scene::StrandScene;
 use super::trace::{Flight, Leaving, ScatterPoint};
 use crate::camera::Camera;
-use crate::course::Course;
 use crate::light::{LightSampling, Sources};
 use crate::numbers::PathNumbers;
 use crate::path::{RenderOptions, Traced, Tracer, render_by};
-use crate::props::Matte;
+use crate::roulette::RouletteState;
 use crate::spectrum::{Light4, lambda_at, share_below};
+use crate::surface::props::Matte;
 use crate::{Film, Prop, RenderError, WAVELENGTHS};
 use glam::{DVec3, Vec3};
-use plywave::fiber::dual_scattering::{DualOptions, DualScattering, Occlusion};
-use plywave::{Bsdf, BsdfSample, FiberModel, FiberQuery};
+use plywave::{Bsdf, BsdfSample};
+use plywave_fiber::dual_scattering::{DualOptions, DualScattering, Occlusion};
+use plywave_fiber::{FiberModel, FiberQuery};
 use rand::RngExt;
 use rayon::prelude::*;
 use std::f32::consts::{PI, TAU};
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
-/// Sets of wavelengths, each [`WAVELENGTHS`] of them: 64 wavelengths 6 nm apart.
+/// Number of sets of wavelengths, each with [`WAVELENGTHS`] of them: 64 wavelengths, 6 nm apart.
 const BINS: usize = 16;
 /// Number of turns in the average over a fiber that is not round.
 const TURNS: u32 = 16;
 /// Largest number of strands that a camera ray passes.
 const MAX_PASSED: u32 = 100_000;
 
-/// Options of the estimate of light between strands.
+/// Options of dual scattering over strands.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct StrandDualOptions {
-    /// Densities, sums and samples. `turns` of 1 is 16 for fibers that are not round.
+    /// Densities, sums and samples. A `turns` of 1 becomes 16 for fibers that are not round.
     pub dual: DualOptions,
-    /// Whether the strands behind the shading point are counted too; else infinitely many are assumed.
+    /// Whether the strands behind the shading point are counted; otherwise infinitely many are assumed.
     pub behind: bool,
 }
 
 impl Default for StrandDualOptions {
-    /// d_f = d_b = 1, with the strands behind counted: closest to path tracing
+    /// d_f = d_b = 1 with the strands behind counted, the options closest to path tracing
     /// (docs/explain/dual_scattering.md).
     fn default() -> Self {
         let dual = DualOptions { forward_density: 1.0, backward_density: 1.0, ..DualOptions::default() };
@@ -62,15 +63,15 @@ impl Default for StrandDualOptions {
 /// A scene of strands prepared for dual scattering.
 pub struct StrandDual<'a> {
     scene: &'a StrandScene,
-    /// Averages by the position of a path's first wavelength in its quarter of the range.
+    /// Averages, indexed by the position of a path's first wavelength within its quarter of the range.
     bins: Arc<[DualScattering<WAVELENGTHS>]>,
     behind: bool,
-    /// d_f.
+    /// Density factor d_f of forward scattering.
     density: f32,
 }
 
 impl<'a> StrandDual<'a> {
-    /// Averages the fiber's scattering, on the current rayon pool.
+    /// Computes the averages of the fiber's scattering on the current rayon pool.
     ///
     /// # Errors
     /// [`RenderError::Strands`] for a scene without strands, an option outside its range, and a fiber that
@@ -97,14 +98,14 @@ impl<'a> StrandDual<'a> {
         Ok(StrandDual { scene, bins, behind: options.behind, density: dual.forward_density })
     }
 
-    /// The same with another [`StrandDualOptions::behind`], without new averages.
+    /// The same scene with another [`StrandDualOptions::behind`]; the averages are shared.
     #[must_use]
     pub fn with_behind(&self, behind: bool) -> StrandDual<'a> {
         StrandDual { bins: self.bins.clone(), behind, ..*self }
     }
 
-    /// Counts the strands that light along a ray from `reach` passes before the ray's origin, at a strand of
-    /// this `tangent`.
+    /// Counts the strands that light from the distance `reach` along a ray passes before it arrives at the
+    /// ray's origin, which lies on a strand with this `tangent`.
     fn count(
         &self,
         dual: &DualScattering<WAVELENGTHS>,
@@ -116,19 +117,20 @@ impl<'a> StrandDual<'a> {
     ) -> Occlusion<WAVELENGTHS> {
         self.scene.tree().each(flight.origin, flight.direction, flight.after, reach, &flight.skips, found);
         let mut passed = dual.unoccluded();
-        // The light comes from the far end.
+        // The light comes from the far end of the ray, so the last hit comes first.
         for hit in found.iter().rev() {
-            let met = self.scene.met(hit, flight.direction, lambda);
-            if met.iter().all(|met| !met) {
+            let hits = self.scene.is_hit(hit, flight.direction, lambda);
+            if hits.iter().all(|hits| !hits) {
                 continue;
             }
             let before = passed.transmitted;
-            // Latitudes count from the strand's own root; the drift is that of the strand at the origin.
+            // Latitudes are measured from each strand's own root; the drift is that of the strand at the
+            // origin.
             let sign = if hit.tangent.dot(tangent) < 0.0 { -1.0 } else { 1.0 };
             passed.drift *= sign;
             passed.pass(dual, hit.tangent.dot(flight.direction).clamp(-1.0, 1.0).asin() as f32, 1.0);
             passed.drift *= sign;
-            (0..WAVELENGTHS).filter(|k| !met[*k]).for_each(|k| passed.transmitted[k] = before[k]);
+            (0..WAVELENGTHS).filter(|k| !hits[*k]).for_each(|k| passed.transmitted[k] = before[k]);
         }
         passed
     }
@@ -138,7 +140,7 @@ impl<'a> StrandDual<'a> {
         self.scene.prop(flight).is_some_and(|(t, _)| t < reach)
     }
 
-    /// Radiance towards `back` for a unit of radiance along `flight` from `reach` away.
+    /// Radiance towards `back` for unit radiance that arrives along `flight` from the distance `reach`.
     fn shade(&self, of: &Shading<'_>, flight: &Flight, reach: f64, found: &mut Vec<StrandHit>) -> Light4 {
         let (scene, w) = (self.scene, flight.direction);
         let tangent = of.place.axes[2];
@@ -147,8 +149,8 @@ impl<'a> StrandDual<'a> {
             let behind = of.place.flight(-w);
             let until = scene.prop(&behind).map_or(f64::INFINITY, |(t, _)| t.into());
             scene.tree().each(behind.origin, behind.direction, behind.after, until, &behind.skips, found);
-            let met = |hit: &StrandHit| scene.met(hit, behind.direction, of.lambda).contains(&true);
-            passed.behind = Some(found.iter().filter(|hit| met(hit)).count() as u32);
+            let hits = |hit: &StrandHit| scene.is_hit(hit, behind.direction, of.lambda).contains(&true);
+            passed.behind = Some(found.iter().filter(|hit| hits(hit)).count() as u32);
         }
         let (toward, back) = (of.place.local(w), of.place.local(of.back));
         let query = FiberQuery { omega_i: toward, h_rel: None, lambda_um: of.lambda, sigma_per_um: of.sigma };
@@ -156,7 +158,7 @@ impl<'a> StrandDual<'a> {
         if !passed.is_direct() {
             return at.radiance(back);
         }
-        // By reciprocity, the value at the offset of the camera's ray.
+        // By reciprocity, the fiber is evaluated at the offset of the camera's ray.
         let direct = of.fiber.eval(toward);
         let cos = |v: [f32; 3]| (1.0 - v[2] * v[2]).max(0.0).sqrt().max(1e-4);
         let scale = cos(toward) / cos(back);
@@ -164,8 +166,8 @@ impl<'a> StrandDual<'a> {
         std::array::from_fn(|k| direct[k] + scale * local[k])
     }
 
-    /// Light reflected by a prop towards strands, if the ray hits one: from one source, through the strands
-    /// before it.
+    /// Light that a prop reflects towards strands, if the ray hits one: from one sampled source, through the
+    /// strands in between.
     fn of_prop(
         &self,
         dual: &DualScattering<WAVELENGTHS>,
@@ -202,36 +204,36 @@ impl<'a> StrandDual<'a> {
             let flight = of.place.flight(w);
             if !self.is_blocked(&flight, reach) {
                 let f = self.shade(of, &flight, reach.into(), &mut found);
-                let weight = sources.sampling.of_drawn(source.pdf, of.fiber.pdf(of.place.local(w)));
+                let weight = sources.sampling.weight_of_sampled(source.pdf, of.fiber.pdf(of.place.local(w)));
                 let scale = weight / source.pdf.max(1e-30);
                 (0..WAVELENGTHS).for_each(|k| light[k] += throughput[k] * f[k] * source.radiance[k] * scale);
             }
         }
-        // Samples of the fiber's lobes find the light of wide sources in its narrow lobes.
+        // Samples of the fiber's lobes find the light of wide sources in narrow lobes.
         if let BsdfSample::Scattered(sample) = of.fiber.sample(rng.random()) {
             let flight = of.place.flight(of.place.world(sample.w));
             let (origin, direction) = (flight.origin.as_vec3(), flight.direction.as_vec3());
-            if let Some(source) = sources.met(origin, direction, f32::INFINITY, of.lambda)
+            if let Some(source) = sources.hit(origin, direction, f32::INFINITY, of.lambda)
                 && flight.direction != DVec3::ZERO
                 && !self.is_blocked(&flight, source.reach())
             {
                 let f = self.shade(of, &flight, source.reach().into(), &mut found);
-                let scale = sources.sampling.of_met(sample.pdf, source.pdf) / sample.pdf.max(1e-30);
+                let scale = sources.sampling.weight_of_hit(sample.pdf, source.pdf) / sample.pdf.max(1e-30);
                 (0..WAVELENGTHS).for_each(|k| light[k] += throughput[k] * f[k] * source.radiance[k] * scale);
             }
         }
         if self.scene.props.iter().all(|prop| prop.albedo <= 0.0) {
             return;
         }
-        // Props, by directions over the whole sphere.
+        // Light from props is sampled uniformly over the sphere.
         let z = 2.0 * rng.random::<f32>() - 1.0;
         let (sin, cos) = (TAU * rng.random::<f32>()).sin_cos();
         let r = (1.0 - z * z).max(0.0).sqrt();
         let flight = of.place.flight(Vec3::new(r * cos, r * sin, z).as_dvec3().normalize());
         let Some((t, prop)) = self.scene.prop(&flight) else { return };
         let position = (flight.origin + flight.direction * f64::from(t)).as_vec3();
-        let seen = (position, prop.normal(position).as_dvec3(), prop.albedo);
-        let radiance = self.of_prop(of.dual, seen, of.lambda, rng, &mut found);
+        let prop_point = (position, prop.normal(position).as_dvec3(), prop.albedo);
+        let radiance = self.of_prop(of.dual, prop_point, of.lambda, rng, &mut found);
         if radiance.iter().any(|l| *l > 0.0) {
             let f = self.shade(of, &flight, f64::from(t) * (1.0 - 1e-6), &mut found);
             (0..WAVELENGTHS).for_each(|k| light[k] += throughput[k] * f[k] * radiance[k] * 2.0 * TAU);
@@ -239,12 +241,12 @@ impl<'a> StrandDual<'a> {
     }
 }
 
-/// A strand at a shading point.
+/// A shading point on a strand.
 struct Shading<'a> {
     place: &'a ScatterPoint,
     dual: &'a DualScattering<WAVELENGTHS>,
-    /// The fiber for light from `back`, at the ray's offset.
-    fiber: &'a plywave::FiberBsdf<'a, WAVELENGTHS>,
+    /// The fiber's scattering function for the direction `back`, at the ray's offset.
+    fiber: &'a plywave_fiber::FiberBsdf<'a, WAVELENGTHS>,
     lambda: Light4,
     sigma: Light4,
     /// Unit direction back along the ray.
@@ -257,12 +259,13 @@ fn beside(position: Vec3, normal: DVec3) -> ScatterPoint {
     ScatterPoint { axes: [x, y, normal], from: Leaving::Prop { position: position.as_dvec3(), normal } }
 }
 
-/// Ascending wavelengths [um] of paths whose first is at `t`, 0 to 1, of its quarter of the range.
+/// Ascending wavelengths [um] of a path whose first wavelength is at the fraction `t`, 0 to 1, of its quarter
+/// of the range.
 fn wavelengths(t: f32) -> Light4 {
     std::array::from_fn(|k| lambda_at((k as f32 + t) / WAVELENGTHS as f32))
 }
 
-/// The bin of a path's wavelengths, and the quarter of the range of its first one.
+/// The bin of a path's wavelengths, and the quarter of the range that contains its first one.
 fn bin(lambda: Light4) -> (usize, usize) {
     let at = (share_below(lambda[0]).0 * WAVELENGTHS as f32).clamp(0.0, WAVELENGTHS as f32 - 1e-3);
     (((at.fract() * BINS as f32) as usize).min(BINS - 1), at as usize)
@@ -274,13 +277,12 @@ fn is_round(model: &FiberModel) -> bool {
         FiberModel::Tabulated(fiber) => fiber.table().symmetry.folds == 0,
         FiberModel::RoughDielectric(fiber) => fiber.parameters().eccentricity == 1.0,
         FiberModel::Dielectric(_) | FiberModel::Opaque(_) | FiberModel::KajiyaKay(_) | FiberModel::Khungurn(_) => true,
-        _ => false,
     }
 }
 
 impl Tracer for StrandDual<'_> {
     fn trace(&self, options: &RenderOptions, ray: (Vec3, Vec3, f32), lambda: Light4, rng: &mut PathNumbers) -> Traced {
-        // The tables have their wavelengths in ascending order.
+        // The averages have their wavelengths in ascending order, so the path's are rotated.
         let (bin, turn) = bin(lambda);
         let up = std::array::from_fn(|k| lambda[(k + WAVELENGTHS - turn) % WAVELENGTHS]);
         let traced = self.follow(options, ray, (&self.bins[bin], up), rng);
@@ -302,7 +304,7 @@ impl StrandDual<'_> {
         let (mut light, mut albedo, mut throughput) = ([0.0; WAVELENGTHS], [0.0; WAVELENGTHS], [1.0f32; WAVELENGTHS]);
         let mut first = None;
         let mut pdf = f32::INFINITY;
-        let mut course = Course::new(options.depth);
+        let mut roulette = RouletteState::new(options.depth);
         let mut passed = 0;
         while passed < MAX_PASSED {
             let prop: Option<(f32, &Prop)> = scene.prop(&flight);
@@ -314,8 +316,8 @@ impl StrandDual<'_> {
             }
             if let Some(hit) = hit {
                 let axes = hit.frame(scene.reference);
-                let (at, met) = scene.at(&hit, &axes, flight.direction, lambda);
-                if !scene.choose(met, &mut throughput, rng) {
+                let (at, hits) = scene.at(&hit, &axes, flight.direction, lambda);
+                if !scene.choose(hits, &mut throughput, rng) {
                     flight.pass(&hit);
                     passed += 1;
                     continue;
@@ -324,7 +326,7 @@ impl StrandDual<'_> {
                     first = Some((scene.facing(&hit, flight.direction), hit.t as f32));
                     albedo = at.albedo();
                 }
-                if course.goes_on(&throughput, &light, rng) {
+                if roulette.goes_on(&throughput, &light, rng) {
                     let sigma = scene.sigma(&hit, lambda);
                     let place = ScatterPoint { axes, from: Leaving::Strand(hit) };
                     let of = Shading { place: &place, dual, fiber: &at, lambda, sigma, back: -flight.direction };
@@ -340,7 +342,7 @@ impl StrandDual<'_> {
                 albedo = [prop.albedo; WAVELENGTHS];
             }
             let place = beside(position, normal);
-            if !course.goes_on(&throughput, &light, rng) {
+            if !roulette.goes_on(&throughput, &light, rng) {
                 break;
             }
             let next = scene.scatter(&place, &Matte(prop.albedo), lambda, throughput, rng, &mut light);
@@ -352,19 +354,19 @@ impl StrandDual<'_> {
                 break;
             }
             flight = place.flight(w);
-            if !course.survives(&mut throughput, rng) {
+            if !roulette.survives(&mut throughput, rng) {
                 break;
             }
         }
-        let (light, cut) = course.end(light, lambda, first.is_some());
+        let (light, cut) = roulette.end(light, lambda, first.is_some());
         Traced { light, albedo, hit: first, cut }
     }
 }
 
-/// As [`crate::render_strands`], by dual scattering.
+/// Renders like [`crate::render_strands`], with dual scattering in place of path tracing.
 ///
 /// # Errors
-/// As [`crate::render`].
+/// Those of [`crate::render`].
 pub fn render_strands_dual(
     dual: &StrandDual<'_>,
     camera: &Camera,

@@ -1,9 +1,9 @@
-//! Groups of consecutive segments of a strand, one cache line each, for a first test of a ray.
+//! Groups of consecutive segments of a strand, one cache line each, for a conservative first test of a ray.
 //!
-//! A group has the chord of each segment, and for all of them the largest distance of the strand from it: the
-//! largest radius plus, for a spline, an eighth of its largest second derivative. A ray that passes the chord
-//! at a greater distance, or before or behind it, misses the segment. Arithmetic is in 32 bits, with room for
-//! roundings.
+//! A group stores the chord of each segment and one reach for all of them: the largest radius plus, for a
+//! spline, an eighth of its largest second derivative, which bounds the distance of the curve from its chord.
+//! A ray that passes a chord at a greater distance, or ends before or begins behind it, misses the segment.
+//! Arithmetic is in 32 bits; the reach includes a margin for rounding.
 
 use super::Basis;
 use super::segment::{Cubic, cubic, point};
@@ -11,11 +11,11 @@ use glam::{DVec3, Vec3, Vec4};
 
 /// Segments per group.
 pub const SEGMENTS: usize = 4;
-/// Room for roundings, over the largest coordinate: those of the chord's ends and the ray's origin, of their
-/// difference and of its products with the ray's axes.
+/// Margin for rounding, relative to the largest coordinate: it covers the chord's ends, the ray's origin,
+/// their difference, and its products with the ray's axes.
 const PAD: f32 = 2e-6;
 
-/// Chords of up to [`SEGMENTS`] segments; the last end is repeated where there are fewer.
+/// Chords of up to [`SEGMENTS`] segments; shorter groups repeat the last end.
 #[derive(Clone, Copy, Debug)]
 #[repr(C, align(64))]
 pub struct Group {
@@ -25,7 +25,7 @@ pub struct Group {
     reach: f32,
 }
 
-/// A ray in 32 bits, and two axes across it.
+/// A ray in 32 bits, and two axes perpendicular to it.
 #[derive(Clone, Copy, Debug)]
 pub struct GroupRay {
     origin: Vec3,
@@ -33,7 +33,7 @@ pub struct GroupRay {
 }
 
 impl GroupRay {
-    /// Prepares a ray. The origin must be within the largest coordinate of the groups.
+    /// Prepares a ray. The origin must lie within the largest coordinate of the groups.
     pub fn new(origin: Vec3, w: DVec3) -> GroupRay {
         let (x, y) = w.any_orthonormal_pair();
         GroupRay { origin, axes: [x, y, w].map(|v| v.as_vec3()) }
@@ -41,8 +41,9 @@ impl GroupRay {
 }
 
 impl Group {
-    /// Group of the control points of consecutive segments, whose coordinates are at most `most`.
-    pub fn new(points: &[[f32; 4]], basis: Basis, most: f32) -> Group {
+    /// Group of the control points of consecutive segments, whose coordinates have a magnitude of at most
+    /// `max`.
+    pub fn new(points: &[[f32; 4]], basis: Basis, max: f32) -> Group {
         let order = basis.order();
         let count = (points.len() + 1 - order).min(SEGMENTS);
         let (mut ends, mut reach) = ([[0.0f32; 3]; SEGMENTS + 1], 0.0f64);
@@ -65,13 +66,13 @@ impl Group {
             ends[k] = ends[count];
         }
         let row = |c: usize| std::array::from_fn(|k| ends[k][c]);
-        let reach = (reach as f32 + PAD * most) * (1.0 + 1e-5);
+        let reach = (reach as f32 + PAD * max) * (1.0 + 1e-5);
         Group { x: row(0), y: row(1), z: row(2), reach }
     }
 
-    /// Bits of the segments that a ray may hit between the distances `after` and `before`.
+    /// Bit mask of the segments that a ray may hit between the distances `after` and `before`.
     #[inline(always)]
-    pub fn near(&self, ray: &GroupRay, after: f32, before: f32) -> u32 {
+    pub fn candidates(&self, ray: &GroupRay, after: f32, before: f32) -> u32 {
         let o = ray.origin;
         let ends = |v: &[f32; SEGMENTS + 1], o: f32| {
             let o = Vec4::splat(o);
@@ -83,17 +84,17 @@ impl Group {
             (ax * d.x + ay * d.y + az * d.z, bx * d.x + by * d.y + bz * d.z)
         };
         let ((au, bu), (av, bv), (aw, bw)) = (along(0), along(1), along(2));
-        // Squared distance of the ray from the chord, across.
+        // Squared distance between the ray and the chord, in the plane perpendicular to the ray.
         let (du, dv) = (bu - au, bv - av);
         let length = (du * du + dv * dv).max(Vec4::splat(1e-30));
         let s = (-(au * du + av * dv) / length).max(Vec4::ZERO).min(Vec4::ONE);
         let (u, v) = (au + s * du, av + s * dv);
         let off = u * u + v * v;
         let reach = Vec4::splat(self.reach);
-        let met = off.cmple(reach * reach)
+        let hits = off.cmple(reach * reach)
             & (aw.min(bw) - reach).cmple(Vec4::splat(before))
             & (aw.max(bw) + reach).cmpge(Vec4::splat(after));
-        met.bitmask()
+        hits.bitmask()
     }
 }
 

@@ -1,5 +1,5 @@
-//! Procedural strands: a ball of hair, a single fiber, layers, a wisp, a patch of fur, a knitted loop. The
-//! same seed gives the same strands.
+//! Generates strands: a ball of hair, a single fiber, layers, a wisp, a patch of fur, a knitted loop. The
+//! same seed generates the same strands.
 
 use super::{Basis, Strands};
 use crate::RenderError;
@@ -9,8 +9,8 @@ use rand_pcg::Pcg64Mcg;
 use serde::Deserialize;
 use std::f32::consts::{FRAC_PI_2, PI, TAU};
 
-/// Kind and sizes of procedural strands; lengths in mm. In files, a table whose `kind` is the name in lower
-/// case.
+/// Kind and sizes of generated strands; lengths in mm. In files it is a table whose `kind` is the name in
+/// lower case.
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
 #[serde(tag = "kind", rename_all = "snake_case")]
 pub enum GeneratedStrands {
@@ -19,7 +19,8 @@ pub enum GeneratedStrands {
         /// Its length.
         length_mm: f32,
     },
-    /// Parallel fibers along x in the plane z = 0, and layers below it, each shifted by half the spacing.
+    /// Parallel fibers along x in the plane z = 0, with further layers below, each shifted by half the
+    /// spacing.
     Layer {
         /// Fibers of a layer.
         count: u32,
@@ -31,7 +32,7 @@ pub enum GeneratedStrands {
         /// Length of a fiber.
         length_mm: f32,
     },
-    /// Curled hairs that stand on a ball about the origin and fall over.
+    /// Curled hairs that stand on a ball about the origin and bend down.
     Ball {
         /// Number of hairs.
         count: u32,
@@ -43,7 +44,7 @@ pub enum GeneratedStrands {
         #[serde(default)]
         curl_mm: f32,
     },
-    /// A wavy lock about the z axis that hangs down from z = 0 and tapers to a point.
+    /// A wavy lock along the z axis that hangs down from z = 0 and tapers to a point.
     Wisp {
         /// Number of hairs.
         count: u32,
@@ -52,7 +53,7 @@ pub enum GeneratedStrands {
         /// Length of a hair.
         length_mm: f32,
     },
-    /// Fur on the square of this side in the plane z = 0, combed along x, in tufts.
+    /// Fur on a square of side `size_mm` in the plane z = 0, combed along x, in tufts.
     Fur {
         /// Number of hairs.
         count: u32,
@@ -61,7 +62,7 @@ pub enum GeneratedStrands {
         /// Length of a hair.
         length_mm: f32,
     },
-    /// A yarn of fibers along one row of loops of a jersey, in the plane z = 0 except at the crossings.
+    /// A yarn of fibers along one row of loops of a jersey knit, in the plane z = 0 except at the crossings.
     Loop {
         /// Fibers of the yarn.
         count: u32,
@@ -83,11 +84,11 @@ fn three() -> u32 {
     3
 }
 
-/// Largest number of points.
+/// Largest number of control points.
 const MAX_MADE: u64 = 200_000_000;
 
-/// Generates strands of a radius [mm] with `segments` segments each, as B-splines. Hairs of balls, wisps and
-/// fur taper to half their radius at the tips.
+/// Generates strands of radius `radius_mm` with `segments` segments each, as B-splines. Hairs of balls, wisps
+/// and fur taper to half their radius at the tips.
 ///
 /// # Errors
 /// [`RenderError::Strands`] for more than 200 M points, [`RenderError::TooLarge`].
@@ -105,7 +106,7 @@ pub fn make(what: &GeneratedStrands, radius_mm: f32, segments: u32, seed: u64) -
         let what = format!("{points} points of strands; at most {MAX_MADE}");
         return Err(RenderError::Strands { file: "strands".into(), what });
     }
-    Strands::check_room(points)?;
+    Strands::check_memory(points)?;
     let mut strands = Strands::new(Basis::BSpline);
     let mut rng = Pcg64Mcg::seed_from_u64(seed);
     let tufts = Tufts::new(what, &mut rng);
@@ -127,7 +128,7 @@ pub fn make(what: &GeneratedStrands, radius_mm: f32, segments: u32, seed: u64) -
     Ok(strands)
 }
 
-/// Centers that the hairs of a patch of fur lean towards, on a grid of cells.
+/// Centers that the hairs of a patch of fur lean towards, one per cell of a grid.
 struct Tufts {
     across: usize,
     centers: Vec<Vec3>,
@@ -169,7 +170,7 @@ fn disc(rng: &mut Pcg64Mcg) -> [f32; 2] {
     [r * phi.cos(), r * phi.sin()]
 }
 
-/// The center line of a strand, from u = 0 to 1.
+/// The center line of strand `k`, for u from 0 to 1.
 fn path(what: &GeneratedStrands, k: u64, tufts: &Tufts, rng: &mut Pcg64Mcg) -> Box<dyn Fn(f32) -> Vec3> {
     match *what {
         GeneratedStrands::Single { length_mm } => Box::new(move |u| Vec3::X * (length_mm * (u - 0.5))),
@@ -180,7 +181,7 @@ fn path(what: &GeneratedStrands, k: u64, tufts: &Tufts, rng: &mut Pcg64Mcg) -> B
             Box::new(move |u| Vec3::new(length_mm * (u - 0.5), y, z))
         }
         GeneratedStrands::Ball { count, ball_mm, length_mm, curl_mm } => {
-            // Roots on a spiral of Fibonacci, moved a little.
+            // Roots lie on a Fibonacci spiral, with a small random offset.
             let z = 1.0 - 2.0 * (k as f32 + rng.random::<f32>()) / count as f32;
             let phi = k as f32 * 2.399_963 + 0.3 * rng.random::<f32>();
             let r = (1.0 - z * z).max(0.0).sqrt();
@@ -193,15 +194,15 @@ fn path(what: &GeneratedStrands, k: u64, tufts: &Tufts, rng: &mut Pcg64Mcg) -> B
             let up = (normal + 0.5 * lean).normalize_or(normal);
             Box::new(move |u| {
                 let s = length * u;
-                // Up, then increasingly down and along the ball.
+                // The hair grows outwards, then bends increasingly down and along the ball.
                 let fall = Vec3::NEG_Z * (0.45 * u * s) + up * (s * (1.0 - 0.3 * u));
                 let (sin, cos) = (TAU * turns * u + phase).sin_cos();
                 let wave = (a * (cos - phase.cos()) + b * (sin - phase.sin())) * (curl * u.sqrt());
                 let p = normal * ball_mm + fall + wave;
-                // Stay outside the ball.
+                // Points inside the ball are moved to its surface.
                 let depth = p.length();
-                let least = ball_mm * (1.0 + 0.002 * u);
-                if depth < least { p * (least / depth.max(1e-6)) } else { p }
+                let min = ball_mm * (1.0 + 0.002 * u);
+                if depth < min { p * (min / depth.max(1e-6)) } else { p }
             })
         }
         GeneratedStrands::Wisp { width_mm, length_mm, .. } => {
@@ -231,7 +232,7 @@ fn path(what: &GeneratedStrands, k: u64, tufts: &Tufts, rng: &mut Pcg64Mcg) -> B
             let stand = 0.35 + 0.3 * rng.random::<f32>();
             let (sin, cos) = turn.sin_cos();
             Box::new(move |u| {
-                // From upright to combed.
+                // The hair turns from upright to combed.
                 let angle = FRAC_PI_2 * (1.0 - stand) * u;
                 let along = length * u;
                 let forward = Vec3::new(cos, sin, 0.0) * (along * angle.sin());
@@ -239,14 +240,14 @@ fn path(what: &GeneratedStrands, k: u64, tufts: &Tufts, rng: &mut Pcg64Mcg) -> B
             })
         }
         GeneratedStrands::Loop { count, loops, width_mm, yarn_mm } => {
-            // Rings of fibers that twist about the yarn's axis.
+            // Rings of fibers twist about the yarn's axis.
             let r = yarn_mm * ((k as f32 + 0.5) / count as f32).sqrt() * 0.92;
             let (phi, stray) = (k as f32 * 2.399_963, 0.15 * (rng.random::<f32>() - 0.5));
             let wander = TAU * rng.random::<f32>();
             Box::new(move |u| {
                 let at = |u: f32| {
                     let t = TAU * (loops as f32 * u);
-                    // Peirce's loop: x turns back at the legs, so that neighbors interlock.
+                    // Peirce's loop: x turns back at the legs, so that neighboring loops interlock.
                     let x = width_mm * (t / TAU - 0.5 * loops as f32) + 0.28 * width_mm * (2.0 * t).sin();
                     let y = -0.75 * width_mm * t.cos();
                     let z = 1.3 * yarn_mm * (2.0 * t).cos();

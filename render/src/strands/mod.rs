@@ -1,13 +1,13 @@
 //! Strands: hair, fur, threads and single fibers as curves with a radius, and their intersection with rays.
 //!
-//! A strand is a chain of straight segments or a uniform cubic B-spline through or near its control points;
-//! its radius varies along it in the same way. Rays intersect it as a tube ([`StrandShape::Tube`]: the union
-//! of balls along the curve) or as a band that faces each ray ([`StrandShape::Band`]). `segment.rs` has the
-//! formulas, `tree.rs` the BVH and the hits.
+//! A strand is a chain of straight segments, or a uniform cubic B-spline through or near its control points;
+//! its radius is interpolated in the same way. Rays intersect it as a tube ([`StrandShape::Tube`], the union
+//! of balls along the curve) or as a ray-facing band ([`StrandShape::Band`]). `segment.rs` has the
+//! intersection formulas, `tree.rs` the BVH and the hits.
 
 mod dual;
 mod group;
-mod how;
+mod import_options;
 mod make;
 mod notes;
 mod pbrt;
@@ -21,10 +21,10 @@ mod wide;
 mod words;
 
 use crate::RenderError;
-use crate::room::check_room;
+use crate::memory_limit::check_memory;
 
 pub use dual::{StrandDual, StrandDualOptions, render_strands_dual};
-pub use how::StrandFile;
+pub use import_options::StrandFile;
 pub use make::{GeneratedStrands, make};
 pub use notes::StrandNotes;
 pub use read::mitsuba_text;
@@ -32,23 +32,24 @@ pub use scene::{StrandFiber, StrandScene};
 pub use trace::render_strands;
 pub use tree::{Skip, StrandHit, StrandTree, TraceCost};
 
-/// Largest number of control points of one strand, the limit of a `.hair` file.
+/// Largest number of control points of one strand: the limit of a `.hair` file.
 pub const MAX_POINTS: usize = 65_536;
-/// Largest number of points of all strands, the limit of the tree's indices.
+/// Largest number of points of all strands: the limit of the tree's indices.
 const MAX_IN_ALL: usize = 1 << 29;
 /// Largest coordinate [mm].
 pub const MAX_MM: f32 = 1e6;
-/// Least radius [mm].
+/// Minimum radius [mm].
 pub const MIN_RADIUS_MM: f32 = 1e-5;
-/// Bytes per control point, in the strands and in their BVH.
+/// Bytes per control point, for the strands and their BVH.
 const POINT_BYTES: u64 = 300;
 
 /// Basis of control points.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Basis {
-    /// Straight from point to point.
+    /// Straight segments from point to point.
     Linear,
-    /// Uniform cubic B-spline: n points make n - 3 segments, which do not reach the first and the last point.
+    /// Uniform cubic B-spline: n points define n - 3 segments, which do not reach the first and the last
+    /// point.
     BSpline,
 }
 
@@ -65,14 +66,14 @@ impl Basis {
 /// Shape of a strand for intersection.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum StrandShape {
-    /// Balls along the curve: rays hit the surface.
+    /// Balls along the curve; a ray hits the surface of their union.
     Tube,
-    /// A band that faces each ray: rays hit where they pass the curve within the radius.
+    /// A ray-facing band; a ray hits it where it passes the curve within the radius.
     Band,
 }
 
-/// Consecutive control points of one strand. The curves of one strand, such as pbrt's Bezier pieces, may be
-/// in several runs.
+/// Consecutive control points of one strand. The curves of one strand, such as the Bezier pieces of pbrt, may
+/// be in several runs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Run {
     pub first: u32,
@@ -80,18 +81,19 @@ pub(crate) struct Run {
     pub strand: u32,
 }
 
-/// Strands, before a BVH is built over them.
+/// Strands without a BVH.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Strands {
     basis: Basis,
-    /// x, y, z, radius [mm]. Beyond the ends of a spline a radius may be negative; the curve's radius is not.
+    /// x, y, z and radius of all control points [mm]. Control radii beyond the ends of a spline may be
+    /// negative; the curve's radius is not.
     points: Vec<[f32; 4]>,
     runs: Vec<Run>,
     count: u32,
 }
 
 impl Strands {
-    /// Empty strands of a basis.
+    /// An empty set of strands with this basis.
     pub fn new(basis: Basis) -> Strands {
         Strands { basis, points: Vec::new(), runs: Vec::new(), count: 0 }
     }
@@ -116,12 +118,12 @@ impl Strands {
         self.runs.iter().map(|run| run.count as usize + 1 - self.basis.order()).sum()
     }
 
-    /// Control points, x, y, z, radius [mm], of all strands one after the other.
+    /// Control points x, y, z, radius [mm] of all strands, one after the other.
     pub fn points(&self) -> &[[f32; 4]] {
         &self.points
     }
 
-    /// Control points of each strand, or of each curve of a strand with several.
+    /// Control points of each strand, or of each curve of a strand that has several.
     pub fn curves(&self) -> impl Iterator<Item = &[[f32; 4]]> {
         self.runs.iter().map(|run| &self.points[run.first as usize..][..run.count as usize])
     }
@@ -130,12 +132,12 @@ impl Strands {
         &self.runs
     }
 
-    /// Adds a strand by its control points: x, y, z, radius [mm].
+    /// Adds a strand by its control points x, y, z, radius [mm].
     ///
     /// # Errors
-    /// [`RenderError::Strands`] for too few or more than [`MAX_POINTS`] points, coordinates that are not
-    /// finite or beyond [`MAX_MM`], radii below [`MIN_RADIUS_MM`]; it names `file` and `place`, such as
-    /// `strand 3`.
+    /// [`RenderError::Strands`] for too few or more than [`MAX_POINTS`] points, for coordinates that are
+    /// infinite, NaN or beyond [`MAX_MM`], and for radii below [`MIN_RADIUS_MM`]; the error names `file` and
+    /// `place`, such as `strand 3`.
     pub fn push(&mut self, points: &[[f32; 4]], file: &str, place: &str) -> Result<(), RenderError> {
         let bad = |what: String| RenderError::Strands { file: file.to_string(), what: format!("{place}: {what}") };
         let order = self.basis.order();
@@ -147,11 +149,11 @@ impl Strands {
     }
 
     /// Adds a strand along all of `points`, at least two. For a B-spline, the outermost points are mirrored,
-    /// so that it begins and ends at the first and last point with their radii; it only passes near the
-    /// others.
+    /// so that the curve begins and ends at the first and last point with their radii; it only passes near
+    /// the others.
     ///
     /// # Errors
-    /// As [`Strands::push`].
+    /// Those of [`Strands::push`].
     pub fn push_whole(&mut self, points: &[[f32; 4]], file: &str, place: &str) -> Result<(), RenderError> {
         let middle = match (self.basis, points) {
             (Basis::Linear, _) | (_, [] | [_]) => return self.push(points, file, place),
@@ -180,12 +182,12 @@ impl Strands {
         Ok(())
     }
 
-    /// Refuses more points than fit in memory.
+    /// Refuses a number of points that does not fit in memory.
     ///
     /// # Errors
     /// [`RenderError::TooLarge`].
-    pub fn check_room(points: u64) -> Result<(), RenderError> {
-        check_room(&format!("strands of {points} points"), points.saturating_mul(POINT_BYTES))
+    pub fn check_memory(points: u64) -> Result<(), RenderError> {
+        check_memory(&format!("strands of {points} points"), points.saturating_mul(POINT_BYTES))
     }
 
     /// Multiplies all radii by `factor`.
@@ -206,7 +208,7 @@ impl Strands {
         all.map(of).sum::<f64>() / self.segments().max(1) as f64
     }
 
-    /// Largest and least coordinates of the control points [mm]; zeros without strands.
+    /// Smallest and largest coordinates of the control points [mm]; zeros without strands.
     pub fn bounds(&self) -> [[f32; 3]; 2] {
         let mut bounds = [[f32::INFINITY; 3], [f32::NEG_INFINITY; 3]];
         for p in &self.points {
@@ -223,14 +225,15 @@ fn mean(a: [f32; 4], b: [f32; 4]) -> [f32; 4] {
     std::array::from_fn(|k| 0.5 * (a[k] + b[k]))
 }
 
-/// `b` mirrored at `a`, with its radius. The curve has the radius of `a` at the end, and no radius below
-/// those of both `a` and `b`.
+/// `b` mirrored at `a`, radius included. The curve has the radius of `a` at the end, and its radius is
+/// nowhere below those of both `a` and `b`.
 fn beyond(a: [f32; 4], b: [f32; 4]) -> [f32; 4] {
     std::array::from_fn(|k| 2.0 * a[k] - b[k])
 }
 
-/// Refuses numbers of points, coordinates and radii out of range; points are numbered in their given order.
-fn check_points(points: &[[f32; 4]], least: f32, file: &str, place: &str) -> Result<(), RenderError> {
+/// Refuses numbers of points, coordinates and radii out of range; messages number points in their given
+/// order.
+fn check_points(points: &[[f32; 4]], min: f32, file: &str, place: &str) -> Result<(), RenderError> {
     let bad = |what: String| RenderError::Strands { file: file.to_string(), what: format!("{place}: {what}") };
     if points.len() > MAX_POINTS {
         return Err(bad(format!("{} points; at most {MAX_POINTS}, split the strand", points.len())));
@@ -239,7 +242,7 @@ fn check_points(points: &[[f32; 4]], least: f32, file: &str, place: &str) -> Res
         if let Some(v) = p[..3].iter().find(|v| v.is_nan() || v.abs() > MAX_MM) {
             return Err(bad(format!("point {} has the coordinate {v} mm; use up to {MAX_MM}", k + 1)));
         }
-        if !(p[3] >= least && p[3] <= MAX_MM) {
+        if !(p[3] >= min && p[3] <= MAX_MM) {
             return Err(bad(format!("point {} has the radius {} mm; use {MIN_RADIUS_MM} or more", k + 1, p[3])));
         }
     }

@@ -1,12 +1,12 @@
-//! Reader of pbrt's text in one pass: transforms, blocks, objects, included files and curves.
+//! Reads pbrt's text in one pass: transforms, blocks, objects, included files and curves.
 //!
-//! As in pbrt-v4 (`parser.cpp`, `scene.cpp`): a transform multiplies the current one from the right,
-//! `WorldBegin` resets it, an object's curves keep the transform of their definition, and its instances
-//! multiply theirs from the left. Statements of pbrt-v2 and -v3 that v4 lacks are ignored, like all
+//! The rules are those of pbrt-v4 (`parser.cpp`, `scene.cpp`): a transform multiplies the current one from
+//! the right, `WorldBegin` resets it, an object's curves retain the transform of their definition, and
+//! instances multiply theirs from the left. Statements of pbrt-v2 and -v3 that v4 lacks are ignored, like all
 //! statements without geometry.
 
-use super::how::{MAX_BYTES, StrandFile, refuse_packed};
-use super::pbrt_curve::{Curve, Given};
+use super::import_options::{MAX_BYTES, StrandFile, refuse_packed};
+use super::pbrt_curve::{Curve, CurveAttributes};
 use super::words::{Word, Words, number, shown};
 use super::{Basis, StrandNotes, Strands};
 use crate::RenderError;
@@ -19,13 +19,13 @@ use std::path::{Component, Path, PathBuf};
 const MAX_BLOCKS: usize = 10_000;
 /// Largest depth of included files.
 const MAX_FILES: usize = 32;
-/// Largest number of files read, counting repetitions.
+/// Largest number of files read, repetitions included.
 const MAX_READ: usize = 100_000;
-/// Largest number of instances, including those within instances.
+/// Largest number of instances, nested ones included.
 const MAX_INSTANCES: usize = 1 << 22;
 /// Largest depth of nested objects.
 const MAX_WITHIN: usize = 64;
-/// Number of points at the first check of memory.
+/// Number of points at which memory is checked first.
 const FIRST_CHECK: usize = 1 << 20;
 
 /// Ignored statements.
@@ -82,7 +82,7 @@ const FOLLOWED: &[&[u8]] = &[
     b"WorldBegin",
 ];
 
-/// Whether a text is pbrt's: it does not begin with a number, and begins with a statement or contains the
+/// Whether a text is pbrt's: it does not begin with a number, and it begins with a statement or contains the
 /// word `Shape`.
 pub fn is(bytes: &[u8]) -> bool {
     let mut words = Words::new(bytes);
@@ -102,20 +102,26 @@ pub fn is(bytes: &[u8]) -> bool {
     false
 }
 
-/// Reads all curves of a text.
+/// Reads all curves of a text into strands.
 pub fn read(
     bytes: &[u8],
     file: &str,
-    how: &StrandFile,
+    options: &StrandFile,
     folder: Option<&Folder>,
     notes: &mut StrandNotes,
 ) -> Result<Strands, RenderError> {
     let mut reader = Reader {
-        how,
+        options,
         folder,
         notes,
         strands: Strands::new(Basis::BSpline),
-        state: State { space: DMat4::IDENTITY, at_start: true, at_end: true, moves: false, given: Given::default() },
+        state: State {
+            space: DMat4::IDENTITY,
+            at_start: true,
+            at_end: true,
+            moves: false,
+            attributes: CurveAttributes::default(),
+        },
         blocks: Vec::new(),
         systems: HashMap::new(),
         objects: HashMap::new(),
@@ -137,7 +143,7 @@ pub fn read(
     Ok(reader.strands)
 }
 
-/// Graphics state that blocks save.
+/// Graphics state, which blocks save and restore.
 #[derive(Clone)]
 struct State {
     /// The current transform.
@@ -145,14 +151,14 @@ struct State {
     /// Whether transforms apply at the start and at the end of the shutter interval.
     at_start: bool,
     at_end: bool,
-    /// Whether the two differ.
+    /// Whether the transforms at the start and at the end differ.
     moves: bool,
-    /// Attributes of all following curves.
-    given: Given,
+    /// Attributes that apply to all following curves.
+    attributes: CurveAttributes,
 }
 
 #[derive(Clone, Copy, PartialEq)]
-enum Block {
+enum PbrtBlock {
     Attributes,
     Object,
 }
@@ -166,7 +172,7 @@ struct Use {
     line: usize,
 }
 
-/// An object: the content between `ObjectBegin` and `ObjectEnd`.
+/// An object: the contents between `ObjectBegin` and `ObjectEnd`.
 #[derive(Default)]
 struct Object {
     /// Curves in the object's space.
@@ -176,23 +182,23 @@ struct Object {
 }
 
 struct Reader<'a> {
-    how: &'a StrandFile,
+    options: &'a StrandFile,
     folder: Option<&'a Folder>,
     notes: &'a mut StrandNotes,
     strands: Strands,
     state: State,
-    blocks: Vec<(State, Block)>,
+    blocks: Vec<(State, PbrtBlock)>,
     /// Named coordinate systems.
     systems: HashMap<Vec<u8>, DMat4>,
     objects: HashMap<Vec<u8>, Object>,
     /// The object under definition.
     object: Option<(Vec<u8>, Object)>,
     uses: Vec<Use>,
-    /// Stack of included files, by name relative to the folder of the first.
+    /// Stack of included files, by name relative to the folder of the first file.
     files: Vec<String>,
-    /// Numbers of bytes and files read.
+    /// Number of bytes and number of files read.
     read: [u64; 2],
-    /// Control points so far, including those of objects.
+    /// Number of control points so far, including those of objects.
     points: usize,
     check_at: usize,
 }
@@ -220,10 +226,10 @@ impl Reader<'_> {
                         words.pass().map_err(bad)?;
                         continue;
                     }
-                    let mut given = self.state.given;
+                    let mut attributes = self.state.attributes;
                     points.clear();
-                    given.read(&mut words, &mut values, &mut points).map_err(bad)?;
-                    self.curve(&given, &points).map_err(|what| bad(format!("curve: {what}")))?;
+                    attributes.read(&mut words, &mut values, &mut points).map_err(bad)?;
+                    self.curve(&attributes, &points).map_err(|what| bad(format!("curve: {what}")))?;
                 }
                 b"Include" | b"Import" => {
                     let named = words.quoted(name).map_err(bad)?;
@@ -320,8 +326,8 @@ impl Reader<'_> {
                 (*space, *at_start, *at_end, *moves) = (DMat4::IDENTITY, true, true, false);
                 self.systems.insert(b"world".to_vec(), DMat4::IDENTITY);
             }
-            b"AttributeBegin" | b"TransformBegin" => self.begin(Block::Attributes)?,
-            b"AttributeEnd" | b"TransformEnd" => self.end(Block::Attributes, name)?,
+            b"AttributeBegin" | b"TransformBegin" => self.begin(PbrtBlock::Attributes)?,
+            b"AttributeEnd" | b"TransformEnd" => self.end(PbrtBlock::Attributes, name)?,
             b"ObjectBegin" => {
                 let of = words.quoted(name)?;
                 if self.object.is_some() {
@@ -330,15 +336,15 @@ impl Reader<'_> {
                 if self.objects.contains_key(of) {
                     return Err(format!("object {} is defined twice", shown(of)));
                 }
-                self.begin(Block::Object)?;
+                self.begin(PbrtBlock::Object)?;
                 self.object = Some((of.to_vec(), Object::default()));
             }
             b"ObjectEnd" => {
-                self.end(Block::Object, name)?;
+                self.end(PbrtBlock::Object, name)?;
                 self.end_object();
             }
             b"Attribute" => match words.quoted(name)? {
-                b"shape" => self.state.given.read(words, values, &mut Vec::new())?,
+                b"shape" => self.state.attributes.read(words, values, &mut Vec::new())?,
                 _ => words.pass()?,
             },
             _ => return Err(format!("unknown statement {}; correct it, or take it out", shown(name))),
@@ -354,7 +360,7 @@ impl Reader<'_> {
         *moves |= at_start != at_end;
     }
 
-    fn begin(&mut self, block: Block) -> Result<(), String> {
+    fn begin(&mut self, block: PbrtBlock) -> Result<(), String> {
         if self.blocks.len() >= MAX_BLOCKS {
             return Err(format!("more than {MAX_BLOCKS} blocks within one another"));
         }
@@ -362,7 +368,7 @@ impl Reader<'_> {
         Ok(())
     }
 
-    fn end(&mut self, block: Block, name: &[u8]) -> Result<(), String> {
+    fn end(&mut self, block: PbrtBlock, name: &[u8]) -> Result<(), String> {
         match self.blocks.pop_if(|(_, open)| *open == block) {
             Some((state, _)) => self.state = state,
             None => return Err(format!("{} without its beginning", String::from_utf8_lossy(name))),
@@ -377,12 +383,12 @@ impl Reader<'_> {
     }
 
     /// Adds a curve to the object under definition, or to the strands.
-    fn curve(&mut self, given: &Given, points: &[DVec3]) -> Result<(), String> {
+    fn curve(&mut self, attributes: &CurveAttributes, points: &[DVec3]) -> Result<(), String> {
         let space = self.state.space;
         if space.determinant() == 0.0 {
             return Err("the transform flattens space (determinant 0); use scales other than 0".into());
         }
-        let curve = given.curve(points)?.moved(&space);
+        let curve = attributes.curve(points)?.moved(&space);
         self.count(curve.points()).map_err(|e| e.to_string())?;
         match &mut self.object {
             Some((_, object)) => {
@@ -391,18 +397,18 @@ impl Reader<'_> {
             }
             None => {
                 self.notes.moving += u64::from(self.state.moves);
-                curve.add(&mut self.strands, self.how, self.notes)?;
+                curve.add(&mut self.strands, self.options, self.notes)?;
             }
         }
         Ok(())
     }
 
-    /// Checks memory each time the number of points has doubled.
+    /// Checks the available memory each time the number of points has doubled.
     fn count(&mut self, points: usize) -> Result<(), RenderError> {
         self.points += points;
         if self.points > self.check_at {
             self.check_at = 2 * self.points;
-            Strands::check_room(self.check_at as u64)?;
+            Strands::check_memory(self.check_at as u64)?;
         }
         Ok(())
     }
@@ -433,7 +439,7 @@ impl Reader<'_> {
         for curve in &object.curves {
             self.count(curve.points())?;
             self.notes.moving += u64::from(of.moves || object.moves);
-            curve.clone().moved(&space).add(&mut self.strands, self.how, self.notes).map_err(bad)?;
+            curve.clone().moved(&space).add(&mut self.strands, self.options, self.notes).map_err(bad)?;
         }
         within.push(&of.name);
         for inner in &object.uses {
@@ -443,8 +449,8 @@ impl Reader<'_> {
         Ok(())
     }
 
-    /// The bytes of an included file, and its name relative to the folder of the first file. It is looked up
-    /// in that folder as in pbrt, or beside the including file.
+    /// Bytes of an included file, and its name relative to the folder of the first file. The file is looked
+    /// up in that folder, as in pbrt, or beside the including file.
     fn include(&mut self, named: &str) -> Result<(Vec<u8>, String), String> {
         let folder = self.folder.ok_or_else(|| format!("Include {named:?} without a folder to read it from"))?;
         let beside = self.files.last().and_then(|file| Path::new(file).parent()).map(|parent| parent.join(named));
@@ -471,7 +477,7 @@ impl Reader<'_> {
     }
 }
 
-/// A path without `.` and `name/..`.
+/// A path with `.` and `name/..` removed.
 fn plain(path: &Path) -> String {
     let mut parts: Vec<Component<'_>> = Vec::new();
     for part in path.components() {
@@ -486,7 +492,7 @@ fn plain(path: &Path) -> String {
     parts.iter().collect::<PathBuf>().to_string_lossy().into_owned()
 }
 
-/// A matrix as pbrt writes it: column by column, the last row 0, 0, 0, 1.
+/// A matrix in pbrt's order: column by column, with the last row 0, 0, 0, 1.
 fn matrix(values: [f64; 16]) -> Result<DMat4, String> {
     let m = DMat4::from_cols_array(&values);
     let last = m.row(3);

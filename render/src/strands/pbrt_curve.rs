@@ -1,21 +1,21 @@
 //! pbrt's curves: Bezier and B-spline curves of degree 2 and 3, converted exactly to segments of cubic
-//! B-splines, under transforms.
+//! B-splines, and their transforms.
 //!
-//! A transform that scales differently by direction makes a circular section elliptical. The section keeps
-//! its area: along a unit tangent t the matrix M scales it by |det M| / |M t|, and the radius by the root of
+//! A non-uniform scale turns a circular cross section into an ellipse; a circle of the same area replaces
+//! it. Along a unit tangent t the matrix M scales the area by |det M| / |M t|, and the radius by the root of
 //! that. A uniform scale s scales the radius by s.
 
-use super::how::{StrandFile, least_radius_mm};
+use super::import_options::{StrandFile, min_radius_mm};
 use super::words::{Word, Words, number, shown};
 use super::{MAX_MM, MAX_POINTS, StrandNotes, Strands};
 use glam::{DMat4, DVec3};
 
-/// Relative difference below which scales count as equal.
+/// Relative difference up to which scales count as equal.
 const SAME: f64 = 1e-4;
 
-/// Attributes of a curve beside its points; absent ones have pbrt's default.
+/// Attributes of a curve other than its points; `None` stands for pbrt's default.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Given {
+pub struct CurveAttributes {
     degree: Option<usize>,
     is_bspline: bool,
     is_ribbon: bool,
@@ -23,8 +23,9 @@ pub struct Given {
     ends: [Option<f64>; 2],
 }
 
-impl Given {
-    /// Reads all following `"type name" value` or `"type name" [ values ]`; points go to `points`.
+impl CurveAttributes {
+    /// Reads all following parameters `"type name" value` or `"type name" [ values ]`; points are appended to
+    /// `points`.
     pub fn read<'a>(
         &mut self,
         words: &mut Words<'a>,
@@ -85,14 +86,14 @@ impl Given {
                         _ => return Err("unknown type; use \"flat\", \"cylinder\" or \"ribbon\"".into()),
                     }
                 }
-                // Splitting, orientation and visible range of the curve do not matter here.
+                // Splitting, orientation and visible range have no effect on the geometry read here.
                 _ => {}
             }
         }
         Ok(())
     }
 
-    /// Builds the curve in its file's space.
+    /// Builds the curve in the coordinates of its file.
     pub fn curve(&self, points: &[DVec3]) -> Result<Curve, String> {
         let (n, d) = (points.len(), self.degree.unwrap_or(3));
         let segments = if self.is_bspline {
@@ -109,12 +110,12 @@ impl Given {
         let [from, to] = self.ends.map(|end| 0.5 * end.or(self.width).unwrap_or(1.0));
         let radius = |knot: usize| from + (to - from) * knot as f64 / segments as f64;
         let pieces = if self.is_bspline && d == 3 {
-            vec![Piece { points: points.to_vec(), radii: (0..=segments).map(radius).collect() }]
+            vec![CubicPiece { points: points.to_vec(), radii: (0..=segments).map(radius).collect() }]
         } else {
             let piece = |s: usize| {
                 let first = if self.is_bspline { s } else { d * s };
                 let points = cubic_b_spline(&bezier(&points[first..=first + d], self.is_bspline));
-                Piece { points: points.to_vec(), radii: vec![radius(s), radius(s + 1)] }
+                CubicPiece { points: points.to_vec(), radii: vec![radius(s), radius(s + 1)] }
             };
             (0..segments).map(piece).collect()
         };
@@ -122,14 +123,14 @@ impl Given {
     }
 }
 
-/// Bezier points of degree 3 of one segment.
+/// Cubic Bezier points of one segment.
 fn bezier(p: &[DVec3], is_bspline: bool) -> [DVec3; 4] {
     let &[a, b, c] = p else { return [p[0], p[1], p[2], p[3]] };
     let [a, c] = if is_bspline { [0.5 * (a + b), 0.5 * (b + c)] } else { [a, c] };
     [a, (a + 2.0 * b) / 3.0, (c + 2.0 * b) / 3.0, c]
 }
 
-/// Points of a uniform cubic B-spline of the same segment.
+/// Control points of a uniform cubic B-spline that has the same segment.
 fn cubic_b_spline(b: &[DVec3; 4]) -> [DVec3; 4] {
     const ROWS: [[f64; 4]; 4] =
         [[6.0, -7.0, 2.0, 0.0], [0.0, 2.0, -1.0, 0.0], [0.0, -1.0, 2.0, 0.0], [0.0, 2.0, -7.0, 6.0]];
@@ -138,16 +139,16 @@ fn cubic_b_spline(b: &[DVec3; 4]) -> [DVec3; 4] {
 
 /// A run of segments of a uniform cubic B-spline.
 #[derive(Clone, Debug)]
-struct Piece {
+struct CubicPiece {
     points: Vec<DVec3>,
-    /// Radii where segments begin and end, two fewer than points.
+    /// Radii at the ends of the segments, two fewer than points.
     radii: Vec<f64>,
 }
 
-/// A curve in the file's units.
+/// A curve in the units of its file.
 #[derive(Clone, Debug)]
 pub struct Curve {
-    pieces: Vec<Piece>,
+    pieces: Vec<CubicPiece>,
     is_ribbon: bool,
     is_stretched: bool,
 }
@@ -158,7 +159,7 @@ impl Curve {
         self.pieces.iter().map(|piece| piece.points.len()).sum()
     }
 
-    /// The same curve in the space that a matrix leads to.
+    /// The curve transformed by a matrix.
     pub fn moved(mut self, to: &DMat4) -> Curve {
         if *to == DMat4::IDENTITY {
             return self;
@@ -167,7 +168,7 @@ impl Curve {
         self.is_stretched |= is_stretch(to);
         for piece in &mut self.pieces {
             for (k, radius) in piece.radii.iter_mut().enumerate() {
-                // Tangent of the curve where the segments join.
+                // Tangent of the curve where two segments join.
                 let along = (piece.points[k + 2] - piece.points[k]).normalize_or_zero();
                 let longer = to.transform_vector3(along).length();
                 *radius *= if longer > 0.0 { (volume / longer).sqrt() } else { volume.cbrt() };
@@ -177,31 +178,31 @@ impl Curve {
         self
     }
 
-    /// Adds the curve as a strand, in mm. Radii below the least become the least, and a curve without width
+    /// Adds the curve as a strand, in mm. Radii below the minimum are raised to it, and a curve without width
     /// is omitted, as in [`StrandFile::push`].
-    pub fn add(&self, strands: &mut Strands, how: &StrandFile, notes: &mut StrandNotes) -> Result<(), String> {
-        let mm = f64::from(how.mm_per_unit);
-        let radius_mm = |radius: f64| how.radius_mm.map_or(mm * radius, f64::from);
+    pub fn add(&self, strands: &mut Strands, options: &StrandFile, notes: &mut StrandNotes) -> Result<(), String> {
+        let mm = f64::from(options.mm_per_unit);
+        let radius_mm = |radius: f64| options.radius_mm.map_or(mm * radius, f64::from);
         let radii = || self.pieces.iter().flat_map(|piece| &piece.radii).map(|r| radius_mm(*r));
         let coordinates = self.pieces.iter().flat_map(|piece| &piece.points).map(|p| mm * p.abs().max_element());
-        // Points of a B-spline are up to 15 times as far out as those of the same Bezier curve.
-        let too_much = |most: f64| move |v: &f64| v.is_nan() || *v > most * f64::from(MAX_MM);
+        // Control points of a B-spline lie up to 15 times as far out as those of the same Bezier curve.
+        let too_much = |max: f64| move |v: &f64| v.is_nan() || *v > max * f64::from(MAX_MM);
         let far = coordinates.into_iter().find(too_much(15.0)).map(|v| ("coordinate", v));
         if let Some((name, v)) = far.or_else(|| radii().find(too_much(1.0)).map(|v| ("radius", v))) {
             return Err(format!("a {name} of {v} mm; use up to {MAX_MM}"));
         }
-        let Some(least) = least_radius_mm(radii()) else {
+        let Some(min) = min_radius_mm(radii()) else {
             notes.without_width += 1;
             return Ok(());
         };
         notes.ribbons += u64::from(self.is_ribbon);
         notes.stretched += u64::from(self.is_stretched);
-        notes.thin_points += radii().filter(|r| *r < least).count() as u64;
+        notes.thin_points += radii().filter(|r| *r < min).count() as u64;
         let mut points = Vec::new();
         for (k, piece) in self.pieces.iter().enumerate() {
-            // Control values of the radius: those at the knots, with the outermost mirrored, so that the
-            // radius is exact at both ends, and everywhere if linear.
-            let at = |knot: usize| radius_mm(piece.radii[knot]).max(least);
+            // Control values of the radius are those at the knots, with the outermost ones mirrored: the
+            // radius is then exact at both ends, and everywhere if it is linear.
+            let at = |knot: usize| radius_mm(piece.radii[knot]).max(min);
             let last = piece.radii.len() - 1;
             let control = |i: usize| match i {
                 0 => 2.0 * at(0) - at(1),
@@ -219,12 +220,12 @@ impl Curve {
     }
 }
 
-/// Whether a matrix scales differently by direction: its columns differ in length or are not perpendicular.
+/// Whether a matrix scales non-uniformly: its columns differ in length or are not perpendicular.
 fn is_stretch(m: &DMat4) -> bool {
     let axes = [m.x_axis, m.y_axis, m.z_axis].map(|axis| axis.truncate());
-    let most = axes.map(|axis| axis.length_squared()).into_iter().fold(0.0, f64::max);
+    let max = axes.map(|axis| axis.length_squared()).into_iter().fold(0.0, f64::max);
     (0..3).any(|k| {
         let (a, b) = (axes[k], axes[(k + 1) % 3]);
-        (a.length_squared() - b.length_squared()).abs() > 2.0 * SAME * most || a.dot(b).abs() > 2.0 * SAME * most
+        (a.length_squared() - b.length_squared()).abs() > 2.0 * SAME * max || a.dot(b).abs() > 2.0 * SAME * max
     })
 }

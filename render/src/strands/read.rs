@@ -7,62 +7,63 @@
 //! | pbrt's text | `width`, or `width0` to `width1`, is a diameter; `basis` `bezier` or `bspline`, of degree 3 or 2; transforms are applied |
 //! | Wavefront OBJ | elements `l`, of which one that begins at the last vertex of the one before continues it; the scene has the radius |
 //!
-//! Ignored: the colors and transparency of `.hair`, pbrt's shapes other than curves, the normals of ribbons,
-//! and of an OBJ all but vertices and lines.
+//! The colors and transparency of `.hair` files, pbrt's shapes other than curves, the normals of ribbons, and
+//! OBJ statements other than vertices and lines are ignored.
 
-use super::how::{MAX_BYTES, StrandFile, cut, refuse_packed};
+use super::import_options::{MAX_BYTES, StrandFile, refuse_packed};
 use super::pbrt;
+use super::words::cut;
 use super::{MAX_POINTS, StrandNotes, Strands};
 use crate::RenderError;
-use crate::obj::{Element, Obj};
-use crate::room::read_file;
+use crate::memory_limit::read_file;
+use crate::surface::obj::{Element, Obj};
 use plywave::io::Folder;
 use std::path::Path;
 
 impl Strands {
-    /// Reads a file by its contents: `.hair` begins with `HAIR`, Mitsuba's text with a number, an OBJ with
-    /// one of its statements, pbrt's text has the word `Shape` or begins with one of its own. Files that
-    /// pbrt's text includes are read from the file's folder.
+    /// Reads a file; its contents determine the format: `.hair` begins with `HAIR`, Mitsuba's text with a
+    /// number, an OBJ with one of its statements, and pbrt's text contains the word `Shape` or begins with
+    /// one of its own statements. Files that pbrt's text includes are read from the file's folder.
     ///
     /// # Errors
     /// [`RenderError::Strands`], [`RenderError::Io`], [`RenderError::TooLarge`].
-    pub fn load(path: &Path, how: &StrandFile) -> Result<(Strands, StrandNotes), RenderError> {
+    pub fn load(path: &Path, options: &StrandFile) -> Result<(Strands, StrandNotes), RenderError> {
         let file = path.display().to_string();
         let bytes = read_file(path, MAX_BYTES).map_err(|e| match e {
             RenderError::Picture { file, what } => RenderError::Strands { file, what },
             other => other,
         })?;
-        read(&bytes, &file, how, Some(&Folder::of_file(path)))
+        read(&bytes, &file, options, Some(&Folder::of_file(path)))
     }
 
-    /// As [`Strands::load`], from the bytes of a file without included files; `file` stands for it in errors.
+    /// Reads the bytes of a file that includes no other files; `file` identifies it in errors.
     ///
     /// # Errors
-    /// As [`Strands::load`].
-    pub fn from_bytes(bytes: &[u8], file: &str, how: &StrandFile) -> Result<(Strands, StrandNotes), RenderError> {
-        read(bytes, file, how, None)
+    /// Those of [`Strands::load`].
+    pub fn from_bytes(bytes: &[u8], file: &str, options: &StrandFile) -> Result<(Strands, StrandNotes), RenderError> {
+        read(bytes, file, options, None)
     }
 }
 
 fn read(
     bytes: &[u8],
     file: &str,
-    how: &StrandFile,
+    options: &StrandFile,
     folder: Option<&Folder>,
 ) -> Result<(Strands, StrandNotes), RenderError> {
     let bad = |what: String| RenderError::Strands { file: file.to_string(), what };
     refuse_packed(bytes).map_err(bad)?;
     let mut notes = StrandNotes::default();
     let strands = if bytes.starts_with(b"HAIR") {
-        hair(bytes, file, how, &mut notes)?
+        hair(bytes, file, options, &mut notes)?
     } else if Obj::is(bytes) {
-        obj_lines(bytes, file, how, &mut notes)?
+        obj_lines(bytes, file, options, &mut notes)?
     } else if pbrt::is(bytes) {
-        pbrt::read(bytes, file, how, folder, &mut notes)?
+        pbrt::read(bytes, file, options, folder, &mut notes)?
     } else {
         const NEITHER: &str =
             "neither .hair nor text; give a .hair file, curves as Mitsuba's or pbrt's text, or lines of an OBJ";
-        mitsuba(std::str::from_utf8(bytes).map_err(|_| bad(NEITHER.into()))?, file, how, &mut notes)?
+        mitsuba(std::str::from_utf8(bytes).map_err(|_| bad(NEITHER.into()))?, file, options, &mut notes)?
     };
     if strands.is_empty() {
         const GIVE: &str = "give a .hair file, curves as Mitsuba's or pbrt's text, or lines (l) of an OBJ";
@@ -75,9 +76,9 @@ fn read(
     Ok((strands, notes))
 }
 
-/// The `.hair` format: a header of 128 bytes, then arrays of segments per strand, points and thickness; a
-/// word of flags tells which are present.
-fn hair(bytes: &[u8], file: &str, how: &StrandFile, notes: &mut StrandNotes) -> Result<Strands, RenderError> {
+/// Reads the `.hair` format: a header of 128 bytes, then arrays of segments per strand, points and thickness.
+/// Flags in the header tell which arrays are present.
+fn hair(bytes: &[u8], file: &str, options: &StrandFile, notes: &mut StrandNotes) -> Result<Strands, RenderError> {
     const HEADER: usize = 128;
     let bad = |what: String| RenderError::Strands { file: file.to_string(), what };
     let cut = |needs: u64| bad(format!("{} bytes where {needs} are needed; the file is cut off", bytes.len()));
@@ -99,10 +100,10 @@ fn hair(bytes: &[u8], file: &str, how: &StrandFile, notes: &mut StrandNotes) -> 
     if (bytes.len() as u64) < needs {
         return Err(cut(needs));
     }
-    Strands::check_room(total as u64)?;
+    Strands::check_memory(total as u64)?;
     let points_at = HEADER + if segments { 2 * count } else { 0 };
     let thickness_at = points_at + 12 * total;
-    let mut strands = Strands::new(how.basis);
+    let mut strands = Strands::new(options.basis);
     let mut next = 0;
     let mut curve = Vec::new();
     for strand in 0..count {
@@ -126,9 +127,9 @@ fn hair(bytes: &[u8], file: &str, how: &StrandFile, notes: &mut StrandNotes) -> 
         curve.extend((next..next + n).map(|i| {
             let at = points_at + 12 * i;
             let width = if thickness { real(thickness_at + 4 * i) } else { default_thickness };
-            how.point([real(at), real(at + 4), real(at + 8)], 0.5 * width)
+            options.point([real(at), real(at + 4), real(at + 8)], 0.5 * width)
         }));
-        how.push(&mut strands, &mut curve, notes, file, &place())?;
+        options.push(&mut strands, &mut curve, notes, file, &place())?;
         next += n;
     }
     if next != total {
@@ -137,20 +138,20 @@ fn hair(bytes: &[u8], file: &str, how: &StrandFile, notes: &mut StrandNotes) -> 
     Ok(strands)
 }
 
-/// What is said of points without a radius.
+/// Message for points without a radius.
 const NO_RADIUS: &str = "without a radius; a line is `x y z radius`, or `x y z` where the scene sets strands.radius_um";
 
-/// Mitsuba's text: `x y z radius` per line, or `x y z` where the scene has the radius; curves separated by
-/// empty lines.
-fn mitsuba(text: &str, file: &str, how: &StrandFile, notes: &mut StrandNotes) -> Result<Strands, RenderError> {
-    let mut strands = Strands::new(how.basis);
+/// Reads Mitsuba's text: `x y z radius` per line, or `x y z` if the scene sets the radius; empty lines
+/// separate curves.
+fn mitsuba(text: &str, file: &str, options: &StrandFile, notes: &mut StrandNotes) -> Result<Strands, RenderError> {
+    let mut strands = Strands::new(options.basis);
     let mut curve: Vec<[f32; 4]> = Vec::new();
     let mut begun = 0;
     for (k, line) in text.lines().chain([""]).enumerate() {
         let line = line.trim();
         if line.is_empty() {
             if !curve.is_empty() {
-                how.push(&mut strands, &mut curve, notes, file, &format!("curve at line {begun}"))?;
+                options.push(&mut strands, &mut curve, notes, file, &format!("curve at line {begun}"))?;
                 curve.clear();
             }
             continue;
@@ -163,7 +164,7 @@ fn mitsuba(text: &str, file: &str, how: &StrandFile, notes: &mut StrandNotes) ->
             let word = match words.next() {
                 Some(word) => word,
                 None if !name.is_empty() => return Err(bad(format!("without {name}; a line is `x y z radius`"))),
-                None if how.radius_mm.is_some() => break,
+                None if options.radius_mm.is_some() => break,
                 None => return Err(bad(NO_RADIUS.into())),
             };
             *value =
@@ -178,14 +179,14 @@ fn mitsuba(text: &str, file: &str, how: &StrandFile, notes: &mut StrandNotes) ->
         if curve.len() == MAX_POINTS {
             return Err(bad(format!("more than {MAX_POINTS} points in one curve; split it by an empty line")));
         }
-        curve.push(how.point([values[0], values[1], values[2]], values[3]));
+        curve.push(options.point([values[0], values[1], values[2]], values[3]));
     }
     Ok(strands)
 }
 
-/// Lines of an OBJ. Programs that know no polylines write an edge an element: one that begins at the last
-/// vertex of the one before continues its strand.
-fn obj_lines(bytes: &[u8], file: &str, how: &StrandFile, notes: &mut StrandNotes) -> Result<Strands, RenderError> {
+/// Reads the lines of an OBJ. Programs without polylines write one element per edge, so an element that
+/// begins at the last vertex of the previous one continues its strand.
+fn obj_lines(bytes: &[u8], file: &str, options: &StrandFile, notes: &mut StrandNotes) -> Result<Strands, RenderError> {
     let bad = |line: usize, what: String| RenderError::Strands {
         file: file.to_string(),
         what: if line > 0 { format!("line {line}: {what}") } else { what },
@@ -194,16 +195,16 @@ fn obj_lines(bytes: &[u8], file: &str, how: &StrandFile, notes: &mut StrandNotes
         RenderError::Mesh { line, what, .. } => bad(line, what),
         other => other,
     })?;
-    let mut strands = Strands::new(how.basis);
+    let mut strands = Strands::new(options.basis);
     let mut lines = obj.faces().peekable();
     if let Some((line, _)) = lines.peek()
-        && how.radius_mm.is_none()
+        && options.radius_mm.is_none()
     {
         return Err(bad(*line, "a line of an OBJ has no radius; set strands.radius_um in the scene".into()));
     }
     let mut curve: Vec<[f32; 4]> = Vec::new();
     while let Some((begun, corners)) = lines.next() {
-        let point = |index: u32| how.point(obj.positions[index as usize].map(|x| x as f32), 0.0);
+        let point = |index: u32| options.point(obj.positions[index as usize].map(|x| x as f32), 0.0);
         let mut end = corners.last().map(|corner| corner.position);
         curve.clear();
         curve.extend(corners.iter().map(|corner| point(corner.position)));
@@ -213,19 +214,19 @@ fn obj_lines(bytes: &[u8], file: &str, how: &StrandFile, notes: &mut StrandNotes
             end = more.last().map(|corner| corner.position);
         }
         if !curve.is_empty() {
-            how.push(&mut strands, &mut curve, notes, file, &format!("line element at line {begun}"))?;
+            options.push(&mut strands, &mut curve, notes, file, &format!("line element at line {begun}"))?;
         }
     }
     Ok(strands)
 }
 
-/// Strands as Mitsuba's curve text, in mm.
+/// Writes strands as Mitsuba's curve text, in mm.
 pub fn mitsuba_text(strands: &Strands) -> String {
     use std::fmt::Write;
     let mut text = String::new();
     for curve in strands.curves() {
         for [x, y, z, r] in curve {
-            // Writing to a text cannot fail.
+            // Writing to a string cannot fail.
             let _ = writeln!(text, "{x} {y} {z} {r}");
         }
         text.push('\n');

@@ -1,24 +1,25 @@
 //! Intersection of a ray with one segment of a strand, in 64 bits.
 //!
-//! A host's rays come from a meter away and fibers are a micrometer thick: in 32 bits the error of the offset
-//! from the center line is then 6 % of the radius. A single segment costs about the same in 64 bits as in 32.
+//! A host's rays start a meter away and fibers are a micrometer thick: in 32 bits the error of the offset
+//! from the center line would be 6 % of the radius. A single segment costs about the same in 64 bits as in
+//! 32.
 //!
-//! In the ray's frame (the ray is the z axis) the ray enters the ball of the curve at s at
-//! `z(s) - sqrt(Q(s))`, `Q(s) = r(s)^2 - x(s)^2 - y(s)^2`, where Q is not negative. The tube is the union of
-//! the balls, so the ray enters it at the least of these. On a straight piece with linear radius Q is
-//! quadratic in s and the least has a closed form. A spline becomes 2^depth straight pieces between points on
-//! it, independent of the ray: neighbors share their ends and balls close the turns, so the tube has no gaps.
-//! The ray hits the band where Q is largest, if that is not negative.
+//! In a frame whose z axis is the ray, the ray enters the ball of the curve at parameter s at `z(s) -
+//! sqrt(Q(s))`, with `Q(s) = r(s)^2 - x(s)^2 - y(s)^2`, where Q is not negative. The tube is the union of the
+//! balls, so the ray enters it at the minimum over s. On a straight piece with linear radius, Q is quadratic
+//! in s and the minimum has a closed form. A spline is divided into 2^depth straight pieces between points on
+//! it, independent of the ray: neighbors share their ends and the balls there close the corners, so the tube
+//! has no gaps. The ray hits the band where Q is largest, if that value is not negative.
 
 use super::StrandShape;
 use glam::DVec3;
 
-/// Largest distance of a spline's straight pieces from it, relative to the radius.
+/// Largest distance between a spline and its straight pieces, relative to the radius.
 pub const TOLERANCE: f64 = 0.02;
 /// Largest number of halvings of a spline's segment.
 pub const MAX_DEPTH: u8 = 10;
 
-/// A ray as the z axis of a frame.
+/// A frame whose z axis is a ray.
 #[derive(Clone, Copy, Debug)]
 pub struct RayFrame {
     pub origin: DVec3,
@@ -59,19 +60,19 @@ pub fn cubic(p: [[f64; 4]; 4]) -> Cubic {
     c
 }
 
-/// The curve at u.
+/// The curve's x, y, z, radius at the parameter u.
 #[inline(always)]
 pub fn point(c: &Cubic, u: f64) -> [f64; 4] {
     std::array::from_fn(|k| c[0][k] + u * (c[1][k] + u * (c[2][k] + u * c[3][k])))
 }
 
-/// Its derivative at u.
+/// The curve's derivative by u at the parameter u.
 pub fn slope(c: &Cubic, u: f64) -> [f64; 4] {
     std::array::from_fn(|k| c[1][k] + u * (2.0 * c[2][k] + u * 3.0 * c[3][k]))
 }
 
 /// Entry of a ray into the hull of the balls `a` and `b`, with linear radius between them: distance along the
-/// ray, and s from 0 to 1. Distances up to `after` do not count.
+/// ray, and the parameter s from 0 to 1. Distances up to `after` do not count.
 #[inline(always)]
 pub fn tube(a: [f64; 4], b: [f64; 4], after: f64) -> Option<(f64, f64)> {
     let d: [f64; 4] = std::array::from_fn(|k| b[k] - a[k]);
@@ -84,7 +85,7 @@ pub fn tube(a: [f64; 4], b: [f64; 4], after: f64) -> Option<(f64, f64)> {
         (q >= 0.0).then(|| (a[2] + s * d[2] - q.sqrt(), s))
     };
     let hit = if qa < 0.0 {
-        // Q is concave and the entry convex in s, so there is one minimum, clamped to the piece.
+        // Q is concave and the entry distance convex in s, so there is one minimum, clamped to the piece.
         let middle = -0.5 * qb / qa;
         let top = qc + 0.5 * qb * middle;
         if top < 0.0 {
@@ -92,10 +93,11 @@ pub fn tube(a: [f64; 4], b: [f64; 4], after: f64) -> Option<(f64, f64)> {
         }
         let s = middle - d[2] * (top / (qa * (qa - d[2] * d[2]))).sqrt();
         let s = s.max(0.0).min(1.0);
-        // At the rim of Q >= 0 rounding may make Q negative; only a piece that ends before the rim is missed.
+        // Rounding may make Q negative at the rim of Q >= 0; the fallback fails only for a piece that ends
+        // before the rim.
         at(s).or_else(|| at(middle.max(0.0).min(1.0)))
     } else {
-        // The ray runs along the piece more than across it: test the ends, and the part between them if
+        // The ray runs along the piece more than across it: test both ends, and the part between them if
         // neither ball contains the other.
         let mut best = nearer(at(0.0), at(1.0));
         let length = qa - d[2] * d[2];
@@ -119,7 +121,7 @@ pub fn tube(a: [f64; 4], b: [f64; 4], after: f64) -> Option<(f64, f64)> {
     hit.filter(|(z, _)| *z > after)
 }
 
-/// As [`tube`], for the band between `a` and `b` that faces the ray.
+/// Intersection with the ray-facing band between `a` and `b`; arguments and result are those of [`tube`].
 #[inline(always)]
 pub fn band(a: [f64; 4], b: [f64; 4], after: f64) -> Option<(f64, f64)> {
     let d: [f64; 4] = std::array::from_fn(|k| b[k] - a[k]);
@@ -161,12 +163,13 @@ pub struct Extent {
     /// Largest second derivative.
     bend: f64,
     most_radius: f64,
-    /// Halvings after which its straight pieces are within [`TOLERANCE`].
+    /// Number of halvings after which the straight pieces are within [`TOLERANCE`].
     depth: u8,
 }
 
 impl Extent {
-    /// Extent of the control points. The second derivative is linear, so it is largest at an end.
+    /// Extent of a segment from its control points. The second derivative is linear, so it is largest at an
+    /// end.
     #[inline(always)]
     pub fn from_points(p: &[[f32; 4]; 4]) -> Extent {
         let second = |k: usize| {
@@ -174,25 +177,25 @@ impl Extent {
             d(0) * d(0) + d(1) * d(1) + d(2) * d(2)
         };
         let bend = second(0).max(second(1)).sqrt();
-        let most = p[0][3].max(p[1][3]).max(p[2][3].max(p[3][3]));
-        let least = p[0][3].min(p[1][3]).min(p[2][3].min(p[3][3]));
-        // A tip much thinner than the rest counts as a hundredth of it. The error of a chord over a step d is
-        // at most bend d^2 / 8.
-        let fine = 8.0 * TOLERANCE * f64::from(least.max(0.01 * most));
+        let max = p[0][3].max(p[1][3]).max(p[2][3].max(p[3][3]));
+        let min = p[0][3].min(p[1][3]).min(p[2][3].min(p[3][3]));
+        // A tip much thinner than the rest counts as having a hundredth of the largest radius. The error of a
+        // chord over a step d is at most bend d^2 / 8.
+        let fine = 8.0 * TOLERANCE * f64::from(min.max(0.01 * max));
         let (mut depth, mut pieces) = (0, 1.0);
         while bend > fine * pieces && depth < MAX_DEPTH {
             depth += 1;
             pieces *= 4.0;
         }
-        Extent { bend, most_radius: most.into(), depth }
+        Extent { bend, most_radius: max.into(), depth }
     }
 }
 
-/// First hit of a ray on a segment of a spline: distance beyond `after` and before `before`, and u from 0
-/// to 1.
+/// First hit of a ray on a segment of a spline: its distance, beyond `after` and before `before`, and u from
+/// 0 to 1.
 pub fn spline(c: &Cubic, extent: Extent, shape: StrandShape, after: f64, before: f64) -> Option<(f64, f64)> {
     let step = 1.0 / f64::from(1u32 << extent.depth);
-    // Each halving removes one entry and adds two.
+    // Each halving removes one entry and adds two, which bounds the stack.
     let mut open = [(0u32, 0u32); MAX_DEPTH as usize + 2];
     let mut count = 1;
     open[0] = (0, 1 << extent.depth);
@@ -215,11 +218,11 @@ pub fn spline(c: &Cubic, extent: Extent, shape: StrandShape, after: f64, before:
             count += 2;
             continue;
         }
-        let met = match shape {
+        let found = match shape {
             StrandShape::Tube => tube(a, b, after),
             StrandShape::Band => band(a, b, after),
         };
-        if let Some((z, s)) = met
+        if let Some((z, s)) = found
             && z < best
         {
             best = z;

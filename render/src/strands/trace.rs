@@ -1,32 +1,34 @@
-//! Path tracing over strands: light sources are sampled and hit, weighted by the power heuristic.
+//! Path tracing over strands: direct light combines light sampling with fiber sampling by the power
+//! heuristic.
 //!
-//! A path that hits a strand leaves it from the hit point and cannot hit it again before it is outside, since
-//! the model contains all scattering inside. With a table, some wavelengths of a path may hit while others
-//! pass (Xia 2020, 6): one of the two groups is followed, chosen in proportion to its throughput, and
-//! weighted accordingly; light from a source is attenuated by wavelength. The width at a ray's direction is
-//! that of light in the opposite direction, as extinction is the same both ways.
+//! A path that hits a strand continues from the hit point and cannot hit the same strand again before it is
+//! outside, because the fiber model contains all scattering inside. With a table, a path may hit a strand at
+//! some wavelengths and pass at others (Xia 2020, 6): one of the two groups is followed, chosen in proportion
+//! to its throughput and weighted accordingly; light from a source is attenuated by wavelength. The width at
+//! a ray's direction equals that for light in the opposite direction, because extinction is reciprocal.
 
 use super::scene::StrandScene;
 use super::{Skip, StrandHit, StrandShape};
 use crate::camera::Camera;
-use crate::course::Course;
 use crate::numbers::PathNumbers;
 use crate::path::{RenderOptions, Traced, Tracer, render_by};
-use crate::props::Matte;
+use crate::roulette::RouletteState;
 use crate::spectrum::Light4;
+use crate::surface::props::Matte;
 use crate::{Film, Prop, RenderError, StrandTree, WAVELENGTHS};
 use glam::{DVec3, Vec3};
 use plywave::{Bsdf, BsdfSample};
 use rand::RngExt;
 use std::sync::atomic::AtomicBool;
 
-/// Largest number of strands that a ray passes; a bound against endless loops, not reached in practice.
+/// Largest number of strands that a ray passes; it guards against endless loops and is not reached in
+/// practice.
 const MAX_PASSED: u32 = 100_000;
 
-/// As [`crate::render`], for strands.
+/// Renders strands by path tracing; arguments are those of [`crate::render`].
 ///
 /// # Errors
-/// As [`crate::render`].
+/// Those of [`crate::render`].
 pub fn render_strands(
     scene: &StrandScene,
     camera: &Camera,
@@ -38,14 +40,14 @@ pub fn render_strands(
     render_by(scene, camera, film, options, stop, after)
 }
 
-/// A ray in flight.
+/// A ray in flight through strands.
 #[derive(Clone, Debug)]
 pub(super) struct Flight {
     pub origin: DVec3,
     pub direction: DVec3,
-    /// Distance already passed.
+    /// Distance travelled [mm].
     pub after: f64,
-    /// Strands that contain the ray's start.
+    /// Strands that contain the ray's start, which it cannot hit before it is outside.
     pub skips: Vec<Skip>,
 }
 
@@ -58,7 +60,7 @@ impl Flight {
         tree.first(self.origin, self.direction, self.after, before, &self.skips)
     }
 
-    /// Continues behind a hit, as if nothing were there.
+    /// Continues behind a hit as if it had not occurred.
     pub fn pass(&mut self, hit: &StrandHit) {
         self.after = hit.t;
         self.skips.retain(|skip| skip.until > hit.t);
@@ -74,7 +76,7 @@ impl Flight {
     }
 }
 
-/// Scattering point of a path: axes, and how the path leaves.
+/// Scattering point of a path: its axes, and how the path leaves it.
 pub(super) struct ScatterPoint {
     pub axes: [DVec3; 3],
     pub from: Leaving,
@@ -128,9 +130,9 @@ impl Tracer for StrandScene {
         let mut flight = Flight::new(origin.as_dvec3(), direction.as_dvec3().normalize());
         let (mut light, mut albedo, mut throughput) = ([0.0; WAVELENGTHS], [0.0; WAVELENGTHS], [1.0f32; WAVELENGTHS]);
         let mut first = None;
-        // Density with which the direction was drawn; the camera's counts as certain.
+        // Density [1/sr] of sampling the current direction; the camera's direction counts as certain.
         let mut pdf = f32::INFINITY;
-        let mut course = Course::new(options.depth);
+        let mut roulette = RouletteState::new(options.depth);
         let mut passed = 0;
         while passed < MAX_PASSED {
             let ray = (flight.origin.as_vec3(), flight.direction.as_vec3());
@@ -143,8 +145,8 @@ impl Tracer for StrandScene {
             let next = match (hit, prop) {
                 (Some(hit), _) => {
                     let axes = hit.frame(self.reference);
-                    let (at, met) = self.at(&hit, &axes, flight.direction, lambda);
-                    if !self.choose(met, &mut throughput, rng) {
+                    let (at, hits) = self.at(&hit, &axes, flight.direction, lambda);
+                    if !self.choose(hits, &mut throughput, rng) {
                         flight.pass(&hit);
                         passed += 1;
                         continue;
@@ -154,7 +156,7 @@ impl Tracer for StrandScene {
                         albedo = at.albedo();
                     }
                     let place = ScatterPoint { axes, from: Leaving::Strand(hit) };
-                    let goes_on = course.goes_on(&throughput, &light, rng);
+                    let goes_on = roulette.goes_on(&throughput, &light, rng);
                     goes_on.then(|| (self.scatter(&place, &at, lambda, throughput, rng, &mut light), place))
                 }
                 (None, Some((t, prop))) => {
@@ -168,7 +170,7 @@ impl Tracer for StrandScene {
                     }
                     let from = Leaving::Prop { position: position.as_dvec3(), normal };
                     let place = ScatterPoint { axes: [x, y, normal], from };
-                    let goes_on = course.goes_on(&throughput, &light, rng);
+                    let goes_on = roulette.goes_on(&throughput, &light, rng);
                     goes_on.then(|| (self.scatter(&place, &at, lambda, throughput, rng, &mut light), place))
                 }
                 (None, None) => break,
@@ -191,35 +193,35 @@ impl Tracer for StrandScene {
                 }
                 BsdfSample::Absorbed => break,
             }
-            if !course.survives(&mut throughput, rng) {
+            if !roulette.survives(&mut throughput, rng) {
                 break;
             }
         }
-        let (light, cut) = course.end(light, lambda, first.is_some());
+        let (light, cut) = roulette.end(light, lambda, first.is_some());
         Traced { light, albedo, hit: first, cut }
     }
 }
 
 impl StrandScene {
-    /// Whether a path scatters where some wavelengths hit and others pass: one of the two groups is followed,
-    /// chosen in proportion to its throughput.
-    pub(super) fn choose(&self, met: [bool; WAVELENGTHS], throughput: &mut Light4, rng: &mut PathNumbers) -> bool {
-        let carried = |of: bool| (0..WAVELENGTHS).filter(|k| met[*k] == of).map(|k| throughput[k]).sum::<f32>();
+    /// Chooses, where a path hits at some wavelengths and passes at others, which group is followed, in
+    /// proportion to its throughput; returns whether the path scatters.
+    pub(super) fn choose(&self, hits: [bool; WAVELENGTHS], throughput: &mut Light4, rng: &mut PathNumbers) -> bool {
+        let carried = |of: bool| (0..WAVELENGTHS).filter(|k| hits[*k] == of).map(|k| throughput[k]).sum::<f32>();
         let (scattered, straight) = (carried(true), carried(false));
         let all = scattered + straight;
         if scattered <= 0.0 || straight > 0.0 && rng.random::<f32>() * all >= scattered {
             let scale = all / straight.max(1e-30);
-            (0..WAVELENGTHS).for_each(|k| throughput[k] *= if met[k] { 0.0 } else { scale });
+            (0..WAVELENGTHS).for_each(|k| throughput[k] *= if hits[k] { 0.0 } else { scale });
             return false;
         }
         if straight > 0.0 {
             let scale = all / scattered;
-            (0..WAVELENGTHS).for_each(|k| throughput[k] *= if met[k] { scale } else { 0.0 });
+            (0..WAVELENGTHS).for_each(|k| throughput[k] *= if hits[k] { scale } else { 0.0 });
         }
         true
     }
 
-    /// Normal of a strand, towards the ray's origin.
+    /// Normal of a strand on the side of the ray's origin.
     pub(super) fn facing(&self, hit: &StrandHit, direction: DVec3) -> [f32; 3] {
         let across = hit.position - hit.center;
         let across = across - hit.tangent * hit.tangent.dot(across);
@@ -230,7 +232,7 @@ impl StrandScene {
         normal.as_vec3().to_array()
     }
 
-    /// The first prop hit by a ray, and its distance.
+    /// The first prop that a ray hits, and its distance [mm].
     pub(super) fn prop(&self, flight: &Flight) -> Option<(f32, &Prop)> {
         let (origin, direction) = (flight.origin.as_vec3(), flight.direction.as_vec3());
         self.props
@@ -239,7 +241,7 @@ impl StrandScene {
             .min_by(|a, b| a.0.total_cmp(&b.0))
     }
 
-    /// Adds the light of the source at which a ray ends, if nothing occludes it; returns whether the ray
+    /// Adds the light of the source at the end of a ray, if no object occludes it; returns whether the ray
     /// ends.
     pub(super) fn emitted(
         &self,
@@ -250,13 +252,13 @@ impl StrandScene {
         throughput: Light4,
         light: &mut Light4,
     ) -> bool {
-        let Some(source) = self.sources().met(origin, direction, reach, lambda) else { return reach.is_infinite() };
-        let weight = self.sampling.of_met(pdf, source.pdf);
+        let Some(source) = self.sources().hit(origin, direction, reach, lambda) else { return reach.is_infinite() };
+        let weight = self.sampling.weight_of_hit(pdf, source.pdf);
         (0..WAVELENGTHS).for_each(|k| light[k] += throughput[k] * weight * source.radiance[k]);
         true
     }
 
-    /// Light from one source at a point, and the continuation of the path.
+    /// Adds direct light from one source at a point, and samples the next direction.
     pub(super) fn scatter(
         &self,
         place: &ScatterPoint,
@@ -287,11 +289,12 @@ impl StrandScene {
             return;
         }
         let passes = self.passes(place.flight(w), source.reach(), lambda);
-        let weight = self.sampling.of_drawn(source.pdf, own) / source.pdf.max(1e-30);
+        let weight = self.sampling.weight_of_sampled(source.pdf, own) / source.pdf.max(1e-30);
         (0..WAVELENGTHS).for_each(|k| light[k] += throughput[k] * f[k] * weight * source.radiance[k] * passes[k]);
     }
 
-    /// Transmission from `reach` away.
+    /// Transmission of light from the distance `reach` to the ray's origin, by wavelength: 0 where a strand
+    /// occludes it.
     fn passes(&self, mut flight: Flight, reach: f32, lambda: Light4) -> Light4 {
         let (origin, direction) = (flight.origin.as_vec3(), flight.direction.as_vec3());
         let blocks = |prop: &Prop| prop.hit(origin, direction).is_some_and(|t| t < reach);
@@ -304,8 +307,8 @@ impl StrandScene {
             if !self.is_limited() {
                 break;
             }
-            let met = self.met(&hit, flight.direction, lambda);
-            (0..WAVELENGTHS).filter(|k| met[*k]).for_each(|k| passes[k] = 0.0);
+            let hits = self.is_hit(&hit, flight.direction, lambda);
+            (0..WAVELENGTHS).filter(|k| hits[*k]).for_each(|k| passes[k] = 0.0);
             if passes.iter().all(|p| *p <= 0.0) {
                 break;
             }

@@ -1,4 +1,4 @@
-//! BVH over the segments of strands, and the hits of rays.
+//! BVH over groups of segments of strands, and the intersections of rays with them.
 
 use super::group::{Group, GroupRay, SEGMENTS};
 use super::segment::{Cubic, Extent, RayFrame, band, cubic, point, slope, spline, tube};
@@ -7,15 +7,15 @@ use super::{Basis, StrandShape, Strands};
 use glam::{DVec3, Vec3, Vec3A};
 use obvhs::aabb::Aabb;
 
-/// Rounding of the tree's traversal, over the largest coordinate: boxes grow by it. The error of slabs is
-/// some ten roundings of 6e-8: those of the ray's origin, of the difference, whose size is up to 3.5
-/// coordinates, and of the product.
+/// Margin by which boxes grow for the rounding of traversal, relative to the largest coordinate. The error of
+/// the slab test is some ten roundings of 6e-8: those of the ray's origin, of the difference, whose magnitude
+/// is up to 3.5 coordinates, and of the product.
 const PAD: f32 = 1.5e-6;
 
-/// Source of a group of segments.
+/// Control points that a group of segments comes from.
 #[derive(Clone, Copy, Debug)]
 struct Source {
-    /// Its first control point.
+    /// First control point of the group.
     first: u32,
     strand: u32,
     /// Number of segments.
@@ -25,11 +25,11 @@ struct Source {
 /// Cost of finding a ray's first hit.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct TraceCost {
-    /// Nodes of the BVH, each with up to four boxes.
+    /// Number of BVH nodes tested, each with up to four boxes.
     pub nodes: u64,
-    /// Groups of segments whose chords are tested.
+    /// Number of groups whose chords are tested.
     pub groups: u64,
-    /// Segments that are intersected.
+    /// Number of segments intersected.
     pub segments: u64,
 }
 
@@ -55,7 +55,7 @@ pub struct StrandTree {
     bounds: Aabb,
 }
 
-/// A strand that a ray starts in: hits up to this distance are skipped.
+/// A strand that contains a ray's start: hits on it up to this distance are skipped.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Skip {
     /// Number of the strand.
@@ -71,20 +71,21 @@ pub struct StrandHit {
     pub t: f64,
     /// Hit point [mm]: on the tube, or on the band.
     pub position: DVec3,
-    /// Center of the strand there [mm].
+    /// Point of the strand's center line there [mm].
     pub center: DVec3,
     /// Unit tangent, in the order of the control points.
     pub tangent: DVec3,
     /// Radius there [mm].
     pub radius_mm: f64,
-    /// Offset of the ray from the line along the tangent through the center, over the radius, -1 to 1;
-    /// positive on the side of growing azimuth about the tangent, as in [`plywave::FiberQuery::h_rel`].
+    /// Offset of the ray from the line through the center along the tangent, relative to the radius, -1 to 1;
+    /// positive on the side of increasing azimuth about the tangent, as in
+    /// [`plywave_fiber::FiberQuery::h_rel`].
     pub h_rel: f64,
     /// Number of the strand.
     pub strand: u32,
     /// First control point of the segment.
     pub first_point: u32,
-    /// Position on the segment, 0 to 1.
+    /// Parameter along the segment, 0 to 1.
     pub u: f64,
 }
 
@@ -97,21 +98,22 @@ impl StrandHit {
         [x, self.tangent.cross(x), self.tangent]
     }
 
-    /// Azimuth [rad] of the direction back along the ray, about the tangent from the first axis of the frame.
+    /// Azimuth [rad] of the direction back along the ray, about the tangent, measured from the first axis of
+    /// the frame.
     pub fn phi(&self, frame: &[DVec3; 3], direction: DVec3) -> f64 {
         (-direction.dot(frame[1])).atan2(-direction.dot(frame[0]))
     }
 
-    /// Distance that a ray from this hit in the unit direction `w` travels within the strand, where hits on
-    /// it are skipped. The strand counts as straight, and ends at 1000 radii.
+    /// Distance that a ray from this hit in unit direction `w` travels within the strand, where hits on it
+    /// are skipped. The strand counts as straight with a length of 1000 radii.
     pub fn leave(&self, w: DVec3) -> Skip {
         let across = |v: DVec3| v - self.tangent * self.tangent.dot(v);
         let (p, d) = (across(self.position - self.center), across(w));
         let (a, b) = (d.length_squared(), p.dot(d));
         let c = (p.length_squared() - self.radius_mm * self.radius_mm).min(0.0);
-        let most = 1000.0 * self.radius_mm;
-        let out = if a > 0.0 { (-b + (b * b - a * c).max(0.0).sqrt()) / a } else { most };
-        Skip { strand: self.strand, until: out.min(most) + 1e-3 * self.radius_mm }
+        let max = 1000.0 * self.radius_mm;
+        let out = if a > 0.0 { (-b + (b * b - a * c).max(0.0).sqrt()) / a } else { max };
+        Skip { strand: self.strand, until: out.min(max) + 1e-3 * self.radius_mm }
     }
 }
 
@@ -136,7 +138,7 @@ impl StrandTree {
             let segments = run.count as usize + 1 - order;
             let groups = segments.div_ceil(SEGMENTS);
             for group in 0..groups {
-                // Groups are as equal as possible.
+                // Groups have sizes that differ by at most one segment.
                 let (from, to) = (group * segments / groups, (group + 1) * segments / groups);
                 let first = run.first + from as u32;
                 let mut all = Aabb::empty();
@@ -156,10 +158,10 @@ impl StrandTree {
         let bounds = Aabb::new(bounds.min - pad, bounds.max + pad);
         let boxes = build(&boxes);
         let sources: Vec<Source> = boxes.order.iter().map(|&i| sources[i as usize]).collect();
-        let most = bounds.min.abs().max(bounds.max.abs()).max_element();
+        let max = bounds.min.abs().max(bounds.max.abs()).max_element();
         let of = |s: &Source| {
             let points = &strands.points()[s.first as usize..][..s.count as usize + order - 1];
-            Group::new(points, basis, most)
+            Group::new(points, basis, max)
         };
         let groups = sources.iter().map(of).collect();
         StrandTree { strands, shape, groups, sources, boxes, bounds }
@@ -180,11 +182,11 @@ impl StrandTree {
         [self.bounds.min.into(), self.bounds.max.into()]
     }
 
-    /// First hit of a ray from `origin` in the unit `direction`, farther than `after` and nearer than
-    /// `before` [mm], except within `skips`.
+    /// First hit of a ray from `origin` in unit `direction`, beyond `after` and before `before` [mm], except
+    /// within `skips`.
     pub fn first(&self, origin: DVec3, direction: DVec3, after: f64, before: f64, skips: &[Skip]) -> Option<StrandHit> {
-        let met = self.nearest::<false>(origin, direction, after, before, skips, &mut TraceCost::default())?;
-        Some(self.hit(origin, direction, met))
+        let hit = self.nearest::<false>(origin, direction, after, before, skips, &mut TraceCost::default())?;
+        Some(self.hit(origin, direction, hit))
     }
 
     /// Cost of finding the first hit of a ray.
@@ -213,21 +215,21 @@ impl StrandTree {
         let mut best: Option<SegmentHit> = None;
         let ahead = |i| prefetch(&self.groups, i);
         let nodes = self.boxes.traverse(moved, direction.as_vec3(), limit, ahead, |i, mut limit| {
-            let mut near = self.groups[i].near(&chords, low, limit);
+            let mut candidates = self.groups[i].candidates(&chords, low, limit);
             cost.groups += u64::from(COUNT);
-            if near == 0 {
+            if candidates == 0 {
                 return limit;
             }
             let source = self.sources[i];
             let after = after_skips(after, skips, source.strand);
-            near &= (1 << source.count) - 1;
-            while near != 0 {
-                let first = source.first + near.trailing_zeros();
-                near &= near - 1;
+            candidates &= (1 << source.count) - 1;
+            while candidates != 0 {
+                let first = source.first + candidates.trailing_zeros();
+                candidates &= candidates - 1;
                 cost.segments += u64::from(COUNT);
                 // At equal distances the first segment in input order wins, whatever the order of traversal.
-                let most = best.map_or(before, |best| best.t + best.t.abs() * f64::EPSILON);
-                let Some((t, u)) = self.meet(&frame, first, after, most) else { continue };
+                let max = best.map_or(before, |best| best.t + best.t.abs() * f64::EPSILON);
+                let Some((t, u)) = self.meet(&frame, first, after, max) else { continue };
                 if best.map_or(t < before, |best| t < best.t || t == best.t && first < best.first) {
                     best = Some(SegmentHit { t, u, first, strand: source.strand });
                     limit = limit.min(above((t - start) as f32));
@@ -241,9 +243,9 @@ impl StrandTree {
         best
     }
 
-    /// All hits of a ray farther than `after` and nearer than `before` [mm], the nearest first, except within
+    /// Finds all hits of a ray beyond `after` and before `before` [mm], the nearest first, except within
     /// `skips`. A strand is hit again only after the ray has left it ([`StrandHit::leave`]). Replaces the
-    /// contents of `found`. Takes one traversal; [`StrandTree::first`] takes one per strand.
+    /// contents of `found`. One traversal finds all hits, whereas [`StrandTree::first`] needs one per strand.
     pub fn each(
         &self,
         origin: DVec3,
@@ -263,18 +265,18 @@ impl StrandTree {
         let low = (after - start) as f32;
         let ahead = |i| prefetch(&self.groups, i);
         self.boxes.traverse(moved, direction.as_vec3(), limit, ahead, |i, limit| {
-            let mut near = self.groups[i].near(&chords, low, limit);
-            if near == 0 {
+            let mut candidates = self.groups[i].candidates(&chords, low, limit);
+            if candidates == 0 {
                 return limit;
             }
             let source = self.sources[i];
-            near &= (1 << source.count) - 1;
-            while near != 0 {
-                let first = source.first + near.trailing_zeros();
-                near &= near - 1;
+            candidates &= (1 << source.count) - 1;
+            while candidates != 0 {
+                let first = source.first + candidates.trailing_zeros();
+                candidates &= candidates - 1;
                 let mut after = after_skips(after, skips, source.strand);
-                // A bent segment may be entered more than once. All entries are kept, since those that count
-                // are known only with the neighbors' entries.
+                // A bent segment may be entered more than once. All entries are recorded, because only the
+                // neighbors' entries determine which of them count.
                 while let Some((t, u)) = self.meet(&frame, first, after, before).filter(|(t, _)| *t < before) {
                     found.push(self.hit(origin, direction, SegmentHit { t, u, first, strand: source.strand }));
                     after = t;
@@ -295,7 +297,7 @@ impl StrandTree {
         });
     }
 
-    /// Range of distances in which a ray is in the box of all strands.
+    /// Range of distances [mm] in which a ray is in the box of all strands.
     fn reach(&self, origin: DVec3, direction: DVec3) -> Option<[f64; 2]> {
         let (mut from, mut to) = (f64::NEG_INFINITY, f64::INFINITY);
         for k in 0..3 {
@@ -310,23 +312,23 @@ impl StrandTree {
             from = from.max(a.min(b));
             to = to.min(a.max(b));
         }
-        // Slack of 1e-12 for the roundings of the divisions.
+        // A slack of 1e-12 covers the rounding of the divisions.
         let slack = 1e-12 * (from.abs() + to.abs());
         (from <= to + slack && !self.sources.is_empty()).then_some([from - slack, to + slack])
     }
 
-    /// Hit of a ray on the segment of a first control point, farther than `after` and up to `before`.
+    /// Hit of a ray on the segment with this first control point, beyond `after` and up to `before`.
     #[inline(always)]
     fn meet(&self, frame: &RayFrame, first: u32, after: f64, before: f64) -> Option<(f64, f64)> {
         let points = &self.strands.points()[first as usize..];
         match self.strands.basis() {
             Basis::Linear => {
                 let (a, b) = (frame.see(points[0]), frame.see(points[1]));
-                let met = match self.shape {
+                let hit = match self.shape {
                     StrandShape::Tube => tube(a, b, after),
                     StrandShape::Band => band(a, b, after),
                 };
-                met.filter(|(t, _)| *t <= before)
+                hit.filter(|(t, _)| *t <= before)
             }
             Basis::BSpline => {
                 let p: &[[f32; 4]; 4] = points.first_chunk()?;
@@ -360,32 +362,34 @@ impl StrandTree {
         let radius_mm = at[3];
         let tangent = DVec3::new(along[0], along[1], along[2]).normalize_or(direction.any_orthonormal_vector());
         let position = origin + direction * t;
-        // Unit vector across the ray and the strand: the side of growing azimuth of the direction back along
-        // the ray.
+        // Unit vector across the ray and the strand, on the side of increasing azimuth of the direction back
+        // along the ray.
         let side = direction.cross(tangent).normalize_or(tangent.any_orthonormal_vector());
         let h_rel = ((position - center).dot(side) / radius_mm).clamp(-1.0, 1.0);
         StrandHit { t, position, center, tangent, radius_mm, h_rel, strand, first_point: first, u }
     }
 }
 
-/// The tree's ray between two distances: its start, and its length. It starts at the box of all strands, so
-/// that its roundings are those of the strands' coordinates, however far away the ray's origin is.
+/// The part of a ray between two distances for the traversal: its start and its length. It starts at the box
+/// of all strands, so that rounding errors scale with the strands' coordinates and not with the distance of
+/// the ray's origin.
 fn start_of(origin: DVec3, direction: DVec3, from: f64, to: f64) -> (f64, Vec3, f32) {
     let start = from.max(0.0);
     (start, (origin + direction * start).as_vec3(), above((to - start) as f32))
 }
 
-/// Distance beyond which a strand can be hit.
+/// Distance beyond which a ray can hit the strand.
 fn after_skips(after: f64, skips: &[Skip], strand: u32) -> f64 {
     skips.iter().filter(|skip| skip.strand == strand).fold(after, |after, skip| after.max(skip.until))
 }
 
-/// The second next larger number.
+/// The second-next larger floating-point number.
 fn above(x: f32) -> f32 {
     x.next_up().next_up()
 }
 
-/// Box of a segment, from its Bezier points, which lie closer than those of the spline, and the radius.
+/// Box of a segment from its radius and its Bezier points, which lie closer to the curve than those of the
+/// spline.
 fn aabb(p: &[[f32; 4]]) -> Aabb {
     let radius = p.iter().map(|p| p[3]).fold(0.0, f32::max);
     let v = |k: usize| DVec3::new(f64::from(p[k][0]), f64::from(p[k][1]), f64::from(p[k][2]));

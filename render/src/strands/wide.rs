@@ -1,31 +1,32 @@
-//! A BVH with four boxes per node in plain 32-bit floats: two cache lines per node, and three subtractions
-//! and products of four numbers for each end of the slabs.
+//! A BVH with four boxes per node in 32-bit floats: a node has two cache lines, and each end of the slabs
+//! needs three subtractions and products of four-vectors.
 //!
-//! obvhs builds the binary tree; its traversal of eight 8-bit boxes takes less memory, but with SSE2 alone it
+//! obvhs builds the binary tree from which this tree is made. Its own traversal of eight 8-bit boxes uses
+//! less memory, but with SSE2 alone it unpacks the 48 bytes of a node one by one.
 //! unpacks 48 bytes per node one by one.
 
-use crate::bvh;
+use crate::surface::bvh;
 use glam::{Vec3, Vec4};
 use obvhs::aabb::Aabb;
 use obvhs::bvh2::Bvh2;
 
-/// Marks a leaf; two bits for its number of primitives minus one, the rest for the first.
+/// Marks a leaf; two bits contain its number of primitives minus one, the lower ones its first primitive.
 const LEAF: u32 = 1 << 31;
 const COUNT_SHIFT: u32 = 29;
 const INDEX: u32 = (1 << COUNT_SHIFT) - 1;
 /// Largest number of primitives of a leaf.
 const MAX_IN_LEAF: u32 = 4;
-/// Cost of testing a node relative to testing a primitive.
+/// Cost of testing a node relative to that of testing a primitive.
 const NODE_COST: f32 = 1.0;
-/// Largest number of levels: each takes three entries of the traversal's stack.
+/// Largest number of levels; each needs three entries on the traversal's stack.
 const MAX_LEVELS: usize = 31;
 const STACK: usize = 3 * MAX_LEVELS + 3;
-/// Room for two roundings of a slab's far end.
+/// Factor that covers two roundings of the far end of a slab.
 const ROOM: f32 = 1.0 + 4e-7;
-/// Least magnitude of components of directions.
+/// Smallest magnitude of a component of a direction.
 const MIN: f32 = 1e-12;
 
-/// Four boxes by axis, and their children. Absent boxes are inside out.
+/// Four boxes by axis, and their children. Absent boxes are inverted, so no ray hits them.
 #[derive(Clone, Copy, Debug)]
 #[repr(C, align(64))]
 struct Node {
@@ -34,34 +35,34 @@ struct Node {
     children: [u32; 4],
 }
 
-/// The tree: nodes, the root first, and the primitives in its order.
+/// The tree: its nodes, the root first, and the primitives in the order of its leaves.
 #[derive(Clone, Debug)]
 pub struct Wide {
     nodes: Vec<Node>,
-    /// Indices of the input boxes.
+    /// Indices of the input boxes in the order of the leaves.
     pub order: Vec<u32>,
 }
 
 impl Wide {
-    /// Builds a tree over boxes, at most 2^29.
+    /// Builds a tree over at most 2^29 boxes.
     pub fn new(boxes: &[Aabb]) -> Wide {
         Wide::collapse(&bvh::binary(boxes), boxes).unwrap_or_else(|| Wide::by_medians(boxes))
     }
 
     /// Builds a tree of another form, split at medians.
     pub fn by_medians(boxes: &[Aabb]) -> Wide {
-        // It has at most 29 levels, which fit.
+        // It has at most 29 levels, which is within the limit.
         Wide::collapse(&bvh::binary_by_medians(boxes), boxes).unwrap_or(Wide { nodes: Vec::new(), order: Vec::new() })
     }
 
-    /// Nodes of four from a binary tree; `None` where it is too deep.
+    /// Converts a binary tree to nodes of four; `None` if it is too deep.
     fn collapse(tree: &Bvh2, boxes: &[Aabb]) -> Option<Wide> {
         if boxes.is_empty() {
             return Some(Wide { nodes: Vec::new(), order: Vec::new() });
         }
         let plan = Plan::new(tree);
         let mut wide = Wide { nodes: vec![Node::EMPTY], order: Vec::with_capacity(boxes.len()) };
-        // Node of the binary tree, of the wide one, and level.
+        // Stack of open nodes: index in the binary tree, index in the wide tree, level.
         let mut open = vec![(0usize, 0usize, 1usize)];
         while let Some((from, to, level)) = open.pop() {
             if level > MAX_LEVELS {
@@ -90,10 +91,9 @@ impl Wide {
         Some(wide)
     }
 
-    /// Calls `visit` with the index of a primitive, in the tree's order, and the largest distance that
-    /// matters, for each primitive whose box the ray hits up to that distance; `visit` returns the new
-    /// distance. `ahead` is called with the first primitive of a leaf earlier, for a prefetch. Returns the
-    /// number of tested nodes.
+    /// Calls `visit` for each primitive whose box the ray hits, with the primitive's index in the tree's
+    /// order and the current largest distance; `visit` returns the new largest distance. `ahead` is called
+    /// earlier with the first primitive of a leaf, for a prefetch. Returns the number of tested nodes.
     #[inline(always)]
     pub fn traverse(
         &self,
@@ -128,24 +128,24 @@ impl Wide {
                 let ((x0, x1), (y0, y1), (z0, z1)) = (slab(0), slab(1), slab(2));
                 let from = x0.max(y0).max(z0.max(Vec4::ZERO));
                 let to = (x1.min(y1).min(z1) * ROOM).min(Vec4::splat(limit));
-                let mut met = from.cmple(to).bitmask();
-                if met == 0 {
+                let mut hits = from.cmple(to).bitmask();
+                if hits == 0 {
                     break;
                 }
                 let from = from.to_array();
-                // Continue with the nearest; push the others with the nearest on top.
-                let first = met.trailing_zeros() as usize;
-                met &= met - 1;
+                // Continue with the nearest child; push the others with the nearest on top.
+                let first = hits.trailing_zeros() as usize;
+                hits &= hits - 1;
                 let mut nearest = (from[first], node.children[first]);
                 let bottom = top;
-                while met != 0 {
-                    let k = met.trailing_zeros() as usize;
-                    met &= met - 1;
+                while hits != 0 {
+                    let k = hits.trailing_zeros() as usize;
+                    hits &= hits - 1;
                     let mut other = (from[k], node.children[k]);
                     if other.0 < nearest.0 {
                         std::mem::swap(&mut other, &mut nearest);
                     }
-                    // Rays mostly wait for memory, so later nodes are prefetched.
+                    // Traversal mostly waits for memory, so later nodes are prefetched.
                     if other.1 & LEAF == 0 {
                         prefetch(&self.nodes, other.1 as usize);
                     } else {
@@ -177,8 +177,8 @@ impl Node {
     const EMPTY: Node = Node { low: [Vec4::INFINITY; 3], high: [Vec4::NEG_INFINITY; 3], children: [0; 4] };
 }
 
-/// Prefetches the first and the last cache line of an element; does nothing if it does not exist or the
-/// processor has no such instruction.
+/// Prefetches the first and the last cache line of an element; does nothing if the element does not exist or
+/// the processor has no such instruction.
 #[inline(always)]
 pub fn prefetch<T>(of: &[T], at: usize) {
     #[cfg(target_arch = "x86_64")]
@@ -197,7 +197,7 @@ pub fn prefetch<T>(of: &[T], at: usize) {
     let _ = (of, at);
 }
 
-/// Choice of the binary tree's nodes that become leaves, by surface area.
+/// Choice of the nodes of a binary tree that become leaves, by the surface area heuristic.
 struct Plan {
     is_leaf: Vec<bool>,
 }
@@ -205,7 +205,7 @@ struct Plan {
 impl Plan {
     fn new(tree: &Bvh2) -> Plan {
         let n = tree.nodes.len();
-        // Visit children before parents.
+        // Children are visited before parents.
         let (mut order, mut open) = (Vec::with_capacity(n), vec![0usize]);
         while let Some(at) = open.pop() {
             order.push(at);
@@ -231,8 +231,8 @@ impl Plan {
         Plan { is_leaf }
     }
 
-    /// Up to four children of a node: the largest inner one is opened until there are four. A leaf is its own
-    /// only child.
+    /// Up to four children of a node: the inner child with the largest area is replaced by its children until
+    /// there are four. A leaf is its own only child.
     fn children(&self, tree: &Bvh2, at: usize) -> ([usize; 4], usize) {
         let mut list = [at; 4];
         let mut count = 1;
@@ -248,7 +248,7 @@ impl Plan {
         (list, count)
     }
 
-    /// Appends the primitives below a node.
+    /// Appends the primitives below a node to `order`.
     fn gather(&self, tree: &Bvh2, at: usize, order: &mut Vec<u32>) {
         let mut open = vec![at];
         while let Some(at) = open.pop() {

@@ -1,6 +1,6 @@
-//! Tokens of pbrt's text, in one pass: quoted strings, brackets, other words; without comments.
+//! Tokens of pbrt's text, read in one pass: quoted strings, brackets and other words; comments are skipped.
 
-/// A word.
+/// A token.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Word<'a> {
     Quoted(&'a [u8]),
@@ -10,7 +10,7 @@ pub enum Word<'a> {
 }
 
 impl Word<'_> {
-    /// The word for messages.
+    /// The token for messages, truncated.
     pub fn shown(&self) -> String {
         match self {
             Word::Quoted(text) | Word::Bare(text) => shown(text),
@@ -22,15 +22,15 @@ impl Word<'_> {
 
 /// A quoted string, truncated for messages.
 pub fn shown(text: &[u8]) -> String {
-    format!("{:?}", super::how::cut(&String::from_utf8_lossy(text)))
+    format!("{:?}", super::words::cut(&String::from_utf8_lossy(text)))
 }
 
-/// Position of a reader in a text.
+/// Position of the reader in a text.
 #[derive(Clone, Copy, Debug)]
 pub struct Words<'a> {
     bytes: &'a [u8],
     at: usize,
-    /// Line of the last word, from 1.
+    /// Line of the last token, from 1.
     pub line: usize,
 }
 
@@ -40,7 +40,7 @@ impl<'a> Words<'a> {
         Words { bytes, at: if bytes.starts_with(mark) { mark.len() } else { 0 }, line: 1 }
     }
 
-    /// The next word, if there is one. A word never spans lines.
+    /// The next token; `None` at the end. A token never spans lines.
     pub fn next(&mut self) -> Result<Option<Word<'a>>, String> {
         loop {
             match self.bytes.get(self.at) {
@@ -79,7 +79,7 @@ impl<'a> Words<'a> {
         }))
     }
 
-    /// The next word, without advancing.
+    /// The next token, without advancing.
     pub fn peek(&self) -> Result<Option<Word<'a>>, String> {
         let mut ahead = *self;
         ahead.next()
@@ -89,7 +89,7 @@ impl<'a> Words<'a> {
         self.bytes[from..].iter().position(|b| end(*b)).map_or(self.bytes.len(), |n| from + n)
     }
 
-    /// The quoted string argument of `of`.
+    /// The quoted string argument of the statement `of`.
     pub fn quoted(&mut self, of: &[u8]) -> Result<&'a [u8], String> {
         match self.next()? {
             Some(Word::Quoted(text)) => Ok(text),
@@ -98,7 +98,7 @@ impl<'a> Words<'a> {
         }
     }
 
-    /// The `N` numbers of `of`, with or without brackets.
+    /// The `N` numeric arguments of the statement `of`, with or without brackets.
     pub fn numbers<const N: usize>(&mut self, of: &[u8]) -> Result<[f64; N], String> {
         let in_brackets = self.peek()? == Some(Word::Open);
         if in_brackets {
@@ -116,7 +116,7 @@ impl<'a> Words<'a> {
         Ok(values)
     }
 
-    /// The values of a parameter, in brackets or a single one.
+    /// The values of a parameter: a bracketed list or a single value.
     pub fn values(&mut self, declared: &[u8], values: &mut Vec<Word<'a>>) -> Result<(), String> {
         values.clear();
         match self.next()? {
@@ -156,4 +156,9 @@ impl<'a> Words<'a> {
 pub fn number(word: &Word<'_>) -> Option<f64> {
     let Word::Bare(text) = word else { return None };
     std::str::from_utf8(text).ok()?.parse().ok().filter(|v: &f64| v.is_finite())
+}
+
+/// At most the first 20 characters of a word.
+pub(super) fn cut(word: &str) -> String {
+    if word.chars().count() <= 20 { word.to_string() } else { word.chars().take(17).chain("...".chars()).collect() }
 }

@@ -4,7 +4,7 @@
 use plywave::bsdf::{DirectionSample, Outcomes};
 use plywave::{Bsdf, BsdfSample};
 use plywave_render::{
-    Environment, Facts, Film, FilmView, Lamps, Leaves, MAX_SCATTERINGS, Matter, Mesh, MeshNotes, PathNumbers,
+    Environment, Exit, ExplicitFibers, Facts, Film, FilmView, Lamps, MAX_SCATTERINGS, Mesh, MeshNotes, PathNumbers,
     RenderOptions, Scene, Setup, Surface, WAVELENGTHS, render, render_matter,
 };
 use rand::RngExt;
@@ -223,7 +223,7 @@ fn first_hits_have_their_normal_depth_and_albedo() {
 /// A sheet of which light leaves upwards with a random share of it.
 struct Flickering;
 
-impl Matter for Flickering {
+impl ExplicitFibers for Flickering {
     fn follow(
         &self,
         _: [f32; 2],
@@ -231,9 +231,9 @@ impl Matter for Flickering {
         _: [f32; WAVELENGTHS],
         rng: &mut PathNumbers,
         _: &mut Lamps<'_>,
-    ) -> Option<Leaves> {
+    ) -> Option<Exit> {
         let weight = [rng.random::<f32>().powi(3); WAVELENGTHS];
-        Some(Leaves { offset_um: [0.0; 3], w: [w[0], w[1], w[2].abs()], weight, was_drawn: false })
+        Some(Exit { offset_um: [0.0; 3], w: [w[0], w[1], w[2].abs()], weight, was_drawn: false })
     }
 }
 

@@ -7,8 +7,8 @@ use crate::small_cloth;
 use glam::{DVec3, Vec3};
 use plywave::bsdf::{DirectionSample, Outcomes};
 use plywave::cloth::ClothOptions;
-use plywave::fiber::{DielectricFiber, DielectricParameters};
 use plywave::{Bsdf, BsdfSample};
+use plywave_fiber::{DielectricFiber, DielectricParameters};
 use plywave_render::{
     Basis, Camera, Environment, Film, FilmView, Light, LightSampling, Mesh, Prop, RenderOptions, Scene, Shape,
     StrandFiber, StrandScene, StrandShape, Strands, Surface, render, render_strands,

@@ -6,9 +6,9 @@
 //! all of it, the times of one render at a time.
 
 use glam::{DVec3, Vec3};
-use plywave::FiberModel;
-use plywave::fiber::dual_scattering::DualOptions;
-use plywave::fiber::{KhungurnFiber, KhungurnParameters};
+use plywave_fiber::FiberModel;
+use plywave_fiber::dual_scattering::DualOptions;
+use plywave_fiber::{KhungurnFiber, KhungurnParameters};
 use plywave_render::{
     Basis, Camera, Environment, Film, FilmView, GeneratedStrands, Light, Prop, RenderError, RenderOptions, Shape,
     StrandDual, StrandDualOptions, StrandFiber, StrandHit, StrandScene, StrandShape, StrandTree, Strands, make,

@@ -1,4 +1,4 @@
-//! Binary curve collections (`.bcc`), the files of yarn-level cloth models of C. Yuksel
+//! Reader and writer of binary curve collections (`.bcc`), the files of C. Yuksel's yarn-level cloth models
 //! (<http://www.cemyuksel.com/cyCodeBase/soln/using_bcc_files.html>), little-endian:
 //!
 //! | bytes | what |
@@ -12,29 +12,29 @@
 //! | 40 | free text |
 //! | then | for each curve the number of its points, i32, negative if it is closed, and the points, f32 |
 //!
-//! A uniform Catmull-Rom curve has no piece before its second and after its last but one point.
+//! A uniform Catmull-Rom curve starts at its second point and ends at its last but one.
 
-/// A curve.
+/// A curve of a file.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct BccCurve {
-    /// Its points, as in the file.
+    /// Its points, in the unit and orientation of the file.
     pub points: Vec<[f64; 3]>,
     pub is_closed: bool,
 }
 
-/// A file.
+/// The contents of a file.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Bcc {
     pub curves: Vec<BccCurve>,
     pub is_polyline: bool,
-    /// Axis that points up.
+    /// Axis that points up: 0 x, 1 y, 2 z.
     pub up: u8,
 }
 
 const HEADER: usize = 64;
 const TEXT: &[u8] = b"plywave, um";
 
-/// Little-endian bytes, read one after the other.
+/// Bytes that are still to be read.
 struct Bytes<'a>(&'a [u8]);
 
 impl Bytes<'_> {
@@ -45,7 +45,7 @@ impl Bytes<'_> {
     }
 }
 
-/// Reads a file; what is wrong with it otherwise, in words.
+/// Reads a file. The error describes what is wrong with it.
 pub(super) fn read(bytes: &[u8]) -> Result<Bcc, String> {
     let mut all = Bytes(bytes);
     let short = || "it ends within its header".to_string();
@@ -74,7 +74,7 @@ pub(super) fn read(bytes: &[u8]) -> Result<Bcc, String> {
     let count = u64::from_le_bytes(all.take().ok_or_else(short)?);
     let points = u64::from_le_bytes(all.take().ok_or_else(short)?);
     all.take::<40>().ok_or_else(short)?;
-    // 4 bytes a curve and 12 a point.
+    // Each curve takes 4 bytes, and each point 12.
     let size = count.checked_mul(4).zip(points.checked_mul(12)).and_then(|(a, b)| a.checked_add(b));
     if size != Some(all.0.len() as u64) {
         return Err(format!("its header has {count} curves of {points} points, for which it has the wrong length"));
@@ -99,7 +99,7 @@ pub(super) fn read(bytes: &[u8]) -> Result<Bcc, String> {
     Ok(Bcc { curves, is_polyline, up })
 }
 
-/// The bytes of a file. More than 2^31 points of a curve cannot be written; a cloth has fewer.
+/// The bytes of a file. Curves have fewer than 2^31 points, the limit of the format.
 pub(super) fn write(bcc: &Bcc) -> Vec<u8> {
     let points: usize = bcc.curves.iter().map(|curve| curve.points.len()).sum();
     let mut out = Vec::with_capacity(HEADER + 4 * bcc.curves.len() + 12 * points);

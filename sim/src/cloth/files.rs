@@ -1,4 +1,7 @@
-//! Curves in files: our own TOML, Yuksel's `.bcc` and TexGen's `.tg3`.
+//! Curves in files: plywave's own TOML, Yuksel's `.bcc` and TexGen's `.tg3`.
+//!
+//! Every curve must be periodic: it ends a vector of the cell from its start. Flat sections of a `.tg3`
+//! become round strands side by side. Sections of a file are compared with the counts of the spec's yarns.
 
 use super::bcc::{Bcc, BccCurve};
 use super::flat::{FLAT, Strands};
@@ -7,34 +10,35 @@ use super::tg3::{Tg3, Tg3Yarn};
 use super::{bcc, tg3};
 use crate::error::SimError;
 use plywave::Error;
-use plywave::cloth::{ClothCurves, ClothYarn, CurvePoint, Lattice, PlyCurve, SourceCurves, YarnOfCloth};
+use plywave::cloth::{ClothCurves, ClothYarn, CurvePoint, Lattice, PlyCurve};
 use plywave::math::vec3::{cross, unit};
+use plywave_textile::{SourceCurves, YarnOfCloth};
 use std::f64::consts::PI;
 use std::path::Path;
 
-/// How far the end of a curve may be off its start, moved by a vector of the cell, over the step between its
-/// points.
+/// Maximum distance of a curve's end from its start translated by a vector of the cell, over the mean step
+/// between its points.
 const OFF: f64 = 1.5;
-/// Fewest points of a period of a `.bcc`, and of a curve.
+/// Minimum number of points of a period of a `.bcc`, and of a curve.
 const MIN_POINTS: usize = 4;
-/// Fewest knots of a period of a yarn that is laid as several strands.
+/// Minimum number of knots of a period of a yarn that is laid out as several strands.
 const FLAT_KNOTS: usize = 16;
-/// Largest difference of two radii that is not told, over them.
+/// Relative difference of two radii up to which no note is written.
 const SAME_RADIUS: f64 = 0.02;
 
-/// A kind of file.
+/// A file format for curves.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum CurveFormat {
     /// TOML of [`ClothCurves`].
     Toml,
-    /// Binary curve collection.
+    /// Binary curve collection of C. Yuksel.
     Bcc,
     /// TexGen model.
     Tg3,
 }
 
 impl CurveFormat {
-    /// By the ending of a name.
+    /// Format by a file name's extension; `None` if the extension is unknown.
     pub fn of(name: impl AsRef<Path>) -> Option<CurveFormat> {
         match name.as_ref().extension()?.to_str()?.to_ascii_lowercase().as_str() {
             "toml" => Some(CurveFormat::Toml),
@@ -45,16 +49,16 @@ impl CurveFormat {
     }
 }
 
-/// Curves of a file, and what is to be said of them.
+/// Curves of a file with notes for the user.
 #[derive(Debug)]
 pub(super) struct Source {
     pub curves: ClothCurves,
-    /// By kind of yarn, area of its section in the file [um2]; `None` of a file that has no sections.
+    /// `[kind]`: area of the yarn's section in the file [um2]; `None` for a file without sections.
     pub section_um2: Vec<Option<f64>>,
     pub notes: Vec<String>,
 }
 
-/// Curves of a file. `yarns` are those of the spec, by kind.
+/// Reads the curves of a file. `yarns` are the yarns of the spec, by kind.
 pub(super) fn source_curves(source: &SourceCurves, yarns: &[&YarnOfCloth], bytes: &[u8]) -> Result<Source, SimError> {
     let file = &source.file;
     let refuse =
@@ -93,7 +97,7 @@ pub(super) fn source_curves(source: &SourceCurves, yarns: &[&YarnOfCloth], bytes
     Ok(read)
 }
 
-/// Whether the file has the kinds of yarns of the spec.
+/// Checks that the file has the kinds of yarns of the spec; the error is a description and a hint.
 fn check_kinds(curves: &ClothCurves, wanted: usize) -> Result<(), (String, &'static str)> {
     let mut kinds: Vec<u32> = curves.yarns.iter().map(|yarn| yarn.kind).collect();
     kinds.sort_unstable();
@@ -125,8 +129,8 @@ fn from_toml(curves: ClothCurves) -> Source {
     Source { section_um2: (0..kinds).map(section).collect(), curves, notes: Vec::new() }
 }
 
-/// Compares the section of each kind of yarn with that of its count. Gives notes, or key, value and hint of a
-/// count whose fibers do not fit.
+/// Compares the section of each kind of yarn with the one that follows from its count. Returns notes; the
+/// error is key, value and hint of a count whose fibers do not fit in the section.
 pub(super) fn compare_counts(
     source: &Source,
     yarns: &[&YarnOfCloth],
@@ -138,30 +142,30 @@ pub(super) fn compare_counts(
         let Some(index) = source.curves.yarns.iter().position(|of| of.kind as usize == kind) else { continue };
         let strands = strands_of(&source.curves, index);
         let tex = strands as f64 * tex_of_strand(yarn, strands);
-        let fibers_um2 = 1000.0 * tex / yarn.density_g_per_cm3;
+        let fibers_um2 = 1000.0 * tex / yarn.fiber.density_g_per_cm3;
         let radius = |area: f64| (area / PI).sqrt();
-        let (own, given) = (radius(fibers_um2 / yarn.packing), radius(section_um2));
-        if (own / given - 1.0).abs() <= SAME_RADIUS {
+        let (own, in_file) = (radius(fibers_um2 / yarn.packing), radius(section_um2));
+        if (own / in_file - 1.0).abs() <= SAME_RADIUS {
             continue;
         }
         let packing = fibers_um2 / section_um2;
         let goes = tex * yarn.packing / packing;
         let found = format!(
-            "{tex:.1} tex at packing {} is a round section of R {own:.1} um, and that of the file has R {given:.1} um",
+            "{tex:.1} tex at packing {} is a round section of R {own:.1} um, and that of the file has R {in_file:.1} um",
             yarn.packing
         );
         let count = format!("a count of {goes:.1} tex");
         if packing > 1.0 {
             let hint =
                 format!("{found}, which its fibers do not fit in; use {count}, which goes with it at that packing");
-            return Err((format!("{name}.count"), format!("{:.1} tex", yarn.count.tex()), hint));
+            return Err((format!("{name}.count"), format!("{:.1} tex", yarn.tex()), hint));
         }
         notes.push(format!("{name}: {found}; {count}, or packing = {packing:.2}, goes with it"));
     }
     Ok(notes)
 }
 
-/// The bytes of a file of curves. Lengths are in um, of a `.tg3` in mm.
+/// The bytes of a file of curves. Lengths are in um, in a `.tg3` in mm.
 pub fn write_curves(curves: &ClothCurves, name: &str, format: CurveFormat) -> Vec<u8> {
     match format {
         CurveFormat::Toml => curves.to_toml().into_bytes(),
@@ -170,8 +174,8 @@ pub fn write_curves(curves: &ClothCurves, name: &str, format: CurveFormat) -> Ve
     }
 }
 
-/// One period of every curve, open, its points on the curve; a point before and one after, as uniform
-/// Catmull-Rom curves begin at their second point.
+/// One period of every curve as an open curve through points on it. One more point at each end serves uniform
+/// Catmull-Rom curves, which begin at their second point.
 fn to_bcc(cloth: &ClothCurves) -> Bcc {
     let curves = match Lattice::new(cloth.cell_um) {
         None => Vec::new(),
@@ -211,13 +215,13 @@ fn to_tg3(cloth: &ClothCurves, name: &str) -> Tg3 {
     Tg3 { name: name.into(), scale: "mm".into(), yarns }
 }
 
-/// Up, where that is not along the yarn.
+/// The direction z, or y for a yarn that runs nearly along z.
 fn up_across([x, y, z]: [f64; 3]) -> [f64; 3] {
     if z.abs() > 7.0 * x.hypot(y) { [0.0, 1.0, 0.0] } else { [0.0, 0.0, 1.0] }
 }
 
-/// Points of one period and the period of an open curve: its last point is the first one moved by a vector of
-/// the cell, or one step before that.
+/// Number of points of one period of an open curve, and the period in cells. The last point is the first one
+/// translated by a vector of the cell, or one step before that; `None` for any other curve.
 fn period_of(points: &[[f64; 3]], lattice: &Lattice) -> Option<(usize, [i32; 2])> {
     let (first, last) = (points.first()?, points.last()?);
     let steps = points.windows(2).map(|p| (0..3).map(|k| (p[1][k] - p[0][k]).powi(2)).sum::<f64>().sqrt());
@@ -230,11 +234,12 @@ fn period_of(points: &[[f64; 3]], lattice: &Lattice) -> Option<(usize, [i32; 2])
     if cells == [0, 0] || off > OFF * step {
         return None;
     }
-    // A point that is repeated counts once.
+    // A repeated first point counts once.
     Some((if off < 0.5 * step { points.len() - 1 } else { points.len() }, cells))
 }
 
-/// As [`period_of`], also of a curve with a point more at both ends: first point and number of points.
+/// First point, number of points and period of a curve like in [`period_of`], or of one with an additional
+/// point at each end.
 fn range_of(points: &[[f64; 3]], lattice: &Lattice) -> Option<(usize, usize, [i32; 2])> {
     let whole = period_of(points, lattice).map(|(count, shift)| (0, count, shift));
     whole.or_else(|| {
@@ -243,19 +248,19 @@ fn range_of(points: &[[f64; 3]], lattice: &Lattice) -> Option<(usize, usize, [i3
     })
 }
 
-/// A curve of a file.
+/// A curve of a file, with its section.
 struct Line {
     points_um: Vec<[f64; 3]>,
-    /// Radius of its strands, and their places across the axis and up [um].
+    /// Strands of its section.
     strands: Strands,
     /// Direction that is up in the section at each point.
     ups: Vec<[f64; 3]>,
     section_um2: Option<f64>,
 }
 
-/// Curves of lines of at least `least` different points a period. With two `kinds` yarns along y are the
-/// first, the warp.
-fn curves_of(lines: &[Line], cell_um: [[f64; 2]; 2], least: usize, kinds: usize) -> Result<Source, String> {
+/// Periodic curves from lines of at least `min_points` different points per period. With two `kinds`, yarns
+/// along y belong to the first, the warp.
+fn curves_of(lines: &[Line], cell_um: [[f64; 2]; 2], min_points: usize, kinds: usize) -> Result<Source, String> {
     let lattice = Lattice::new(cell_um).ok_or("the vectors of its cell are parallel")?;
     let mut source = Source {
         curves: ClothCurves { cell_um, yarns: Vec::new(), curves: Vec::new() },
@@ -270,9 +275,11 @@ fn curves_of(lines: &[Line], cell_um: [[f64; 2]; 2], least: usize, kinds: usize)
                 index + 1
             ));
         };
-        if count < least {
+        if count < min_points {
             let curve = index + 1;
-            return Err(format!("curve {curve} has {count} different points a period, and needs {least} at least"));
+            return Err(format!(
+                "curve {curve} has {count} different points a period, and needs {min_points} at least"
+            ));
         }
         let [x, y] = lattice.vector(shift);
         let kind = usize::from(kinds == 2 && x.abs() >= y.abs());
@@ -293,11 +300,11 @@ fn curves_of(lines: &[Line], cell_um: [[f64; 2]; 2], least: usize, kinds: usize)
     Ok(source)
 }
 
-/// The strands of a yarn about its axis, of which a period has `count` points of the line from `first` on.
+/// The strands of a yarn about its axis; a period has `count` points of the line, the first one at `first`.
 fn strands_along(mut axis: PlyCurve, line: &Line, first: usize, count: usize, lattice: &Lattice) -> Vec<PlyCurve> {
     let places = &line.strands.places_um;
-    let least = if places.len() > 1 { FLAT_KNOTS } else { MIN_POINTS };
-    while axis.control_um.len() < least {
+    let min_knots = if places.len() > 1 { FLAT_KNOTS } else { MIN_POINTS };
+    while axis.control_um.len() < min_knots {
         axis = axis.refined(lattice);
     }
     if places.len() == 1 {
@@ -322,7 +329,7 @@ fn strands_along(mut axis: PlyCurve, line: &Line, first: usize, count: usize, la
     places.iter().map(strand).collect()
 }
 
-/// Direction that is up in the section at a place between two points.
+/// Direction that is up in the section at the fractional index `at`, interpolated between two points.
 fn up_at(line: &Line, at: f64) -> [f64; 3] {
     let i = at.floor() as usize;
     let up = |i: usize| line.ups.get(i).or(line.ups.last()).copied().unwrap_or([0.0, 0.0, 1.0]);
@@ -334,12 +341,12 @@ fn strand_of(radius_um: f64) -> Strands {
     Strands { radius_um, places_um: vec![[0.0; 2]] }
 }
 
-/// Curves of a `.bcc`, with the radius of the yarn.
+/// Curves of a `.bcc`, with the radius of the spec's yarn, since the file has none.
 fn from_bcc(bcc: &Bcc, cell_um: [[f64; 2]; 2], um_per_unit: f64, yarns: &[&YarnOfCloth]) -> Result<Source, String> {
     if let Some(at) = bcc.curves.iter().position(|curve| curve.is_closed) {
         return Err(format!("curve {} is closed in itself", at + 1));
     }
-    // The axis that points up becomes z; the others keep their hand.
+    // The axis that points up becomes z; the rotation preserves handedness.
     let turned = |p: &[f64; 3]| match bcc.up {
         0 => [p[1], p[2], p[0]],
         1 => [p[2], p[0], p[1]],
@@ -353,14 +360,14 @@ fn from_bcc(bcc: &Bcc, cell_um: [[f64; 2]; 2], um_per_unit: f64, yarns: &[&YarnO
     };
     let lines: Vec<Line> = bcc.curves.iter().map(of).collect();
     let mut source = curves_of(&lines, cell_um, MIN_POINTS, yarns.len())?;
-    // Which yarn a curve is shows by its direction.
+    // The direction of a curve has given its kind of yarn.
     for curve in &mut source.curves.curves {
         curve.radius_um = yarns[source.curves.yarns[curve.yarn as usize].kind as usize].strand_radius_um();
     }
     Ok(source)
 }
 
-/// Curves of a `.tg3`: round strands, or several of them side by side where sections are flat.
+/// Curves of a `.tg3`: one round strand for each yarn, or several side by side for a flat section.
 fn from_tg3(
     tg3: &Tg3,
     cell_um: Option<[[f64; 2]; 2]>,
@@ -399,7 +406,7 @@ fn from_tg3(
     Ok(source)
 }
 
-/// What is taken for what in a `.tg3`.
+/// Notes on features of a `.tg3` that are approximated.
 fn tg3_notes(tg3: &Tg3, lines: &[Line], um_per_unit: f64) -> Vec<String> {
     let mut notes = Vec::new();
     let count = |is: &dyn Fn(&Tg3Yarn) -> bool| tg3.yarns.iter().filter(|yarn| is(yarn)).count();

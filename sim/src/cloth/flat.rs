@@ -1,16 +1,16 @@
 //! Flat yarns as strands side by side: round strands of one radius whose envelope is an ellipse.
 //!
-//! The strands form a chain that zigzags between the upper and the lower wall of the ellipse: each touches
-//! one before it, or keeps a radius from it. Width and height are those of the ellipse, and none is open from
-//! above. The strands take about 0.7 of its area, since circles do not fill one.
+//! The strands form a chain that zigzags between the upper and the lower wall of the ellipse. Each touches a
+//! previous one or keeps a radius of distance along x. The chain has the width and height of the ellipse and
+//! no gap when viewed from above. The strands cover about 0.7 of its area, since circles do not fill it.
 
-/// Least ratio of width and height of a section that is flat; below it a round strand of the same area is
-/// off by 12 % in both.
+/// Minimum ratio of width and height of a flat section; below it a round strand of the same area differs by
+/// at most 12 % in both.
 pub(super) const FLAT: f64 = 1.25;
-/// Most strands of a yarn.
+/// Maximum number of strands of a yarn.
 const MAX_STRANDS: usize = 48;
-/// Largest radius of a strand over half of the height that is begun with: strands of one wall then touch
-/// each other and those of the other wall.
+/// Starting radius of a strand over half of the height, at most: strands of one wall then touch each other
+/// and those of the other wall.
 const LARGEST: f64 = 0.535_898_384_862_245_4;
 
 /// Round strands of a section.
@@ -18,20 +18,20 @@ const LARGEST: f64 = 0.535_898_384_862_245_4;
 pub(super) struct Strands {
     /// Radius of each [um].
     pub radius_um: f64,
-    /// Their axes from that of the yarn, across it and up [um].
+    /// `[strand]`: position of its axis relative to that of the yarn, across it and up [um].
     pub places_um: Vec<[f64; 2]>,
 }
 
 impl Strands {
-    /// Of an elliptical section of this width and height [um]. `None` for one that is flatter than
-    /// [`MAX_STRANDS`] strands reach.
+    /// Strands for an elliptical section of this width and height [um]; `None` if the section is too flat for
+    /// [`MAX_STRANDS`] strands.
     pub fn of_section(width_um: f64, height_um: f64) -> Option<Strands> {
         let (long, short) = (width_um.max(height_um), width_um.min(height_um));
         if long < FLAT * short {
             return Some(Strands { radius_um: 0.5 * (long * short).sqrt(), places_um: vec![[0.0; 2]] });
         }
         let half = [0.5 * long, 0.5 * short];
-        // The last strand fits in the tip of the ellipse if it is as fine as this.
+        // With this radius the last strand fits in the tip of the ellipse.
         let [a, b] = half;
         let fine = (LARGEST * b).min(2.0 * a * b * b / (a * a + b * b));
         let count = (2..=MAX_STRANDS).take_while(|count| reach(half, fine, *count) <= a).last().unwrap_or(2);
@@ -49,13 +49,13 @@ impl Strands {
     }
 }
 
-/// Height of the axis of a strand at x that touches the wall of the ellipse from within, about.
+/// Approximate height of the axis of a strand at x that touches the wall of the ellipse from inside.
 fn wall([a, b]: [f64; 2], radius: f64, x: f64) -> f64 {
     (b * (1.0 - (x / a).powi(2)).max(0.0).sqrt() - radius).max(0.0)
 }
 
-/// The first strand from `low` on, on the upper or the lower wall, that overlaps none of those that `others`
-/// gives for its own x.
+/// The first strand with x of at least `low`, on the upper (`side` 1) or the lower wall (-1), that does not
+/// overlap the strands that `others` returns for its x.
 fn next<const N: usize>(
     half: [f64; 2],
     radius: f64,
@@ -63,7 +63,7 @@ fn next<const N: usize>(
     side: f64,
     others: impl Fn(f64) -> [[f64; 2]; N],
 ) -> [f64; 2] {
-    // Distances grow with x.
+    // Distances grow with x, which allows a bisection.
     let (mut low, mut high) = (low, low + 2.0 * radius);
     for _ in 0..60 {
         let x = 0.5 * (low + high);
@@ -74,16 +74,16 @@ fn next<const N: usize>(
     [high, side * wall(half, radius, high)]
 }
 
-/// The right half of the chain from the middle out, with the middle strand of an odd number.
+/// The right half of the chain from the middle outwards, with the middle strand if the count is odd.
 fn right_half(half: [f64; 2], radius: f64, count: usize) -> Vec<[f64; 2]> {
     let wall_at = |x: f64| wall(half, radius, x);
     let mut chain = if count.is_multiple_of(2) {
-        // It keeps off its image under half a turn, and so does the next one.
+        // The first strand and the next one keep clear of the first one's image under half a turn.
         let first = next(half, radius, 0.5 * radius, 1.0, |x| [[-x, -wall_at(x)]]);
         let image = first.map(|v| -v);
         vec![first, next(half, radius, first[0] + radius, -1.0, |_| [first, image])]
     } else {
-        // The second keeps off its mirror image.
+        // The second strand keeps clear of its mirror image.
         let first = [0.0, wall_at(0.0)];
         vec![first, next(half, radius, radius, -1.0, |x| [first, [-x, -wall_at(x)]])]
     };
@@ -96,19 +96,19 @@ fn right_half(half: [f64; 2], radius: f64, count: usize) -> Vec<[f64; 2]> {
     chain
 }
 
-/// How far a chain reaches from the middle.
+/// Distance from the middle to the end of a chain.
 fn reach(half: [f64; 2], radius: f64, count: usize) -> f64 {
     right_half(half, radius, count).last().map_or(0.0, |p| p[0] + radius)
 }
 
-/// The whole chain from left to right, as high as the ellipse.
+/// The whole chain from left to right, scaled to the height of the ellipse.
 fn chain(half: [f64; 2], radius: f64, count: usize) -> Vec<[f64; 2]> {
     let right = right_half(half, radius, count);
     let odd = count % 2;
     // An even chain is its own image under half a turn, an odd one its mirror image.
     let sign = if odd == 1 { 1.0 } else { -1.0 };
-    let left = right[odd..].iter().rev().map(|[x, z]| [-x, sign * z]);
-    let all: Vec<[f64; 2]> = left.chain(right.iter().copied()).collect();
+    let mirrored = right[odd..].iter().rev().map(|[x, z]| [-x, sign * z]);
+    let all: Vec<[f64; 2]> = mirrored.chain(right.iter().copied()).collect();
     let low = all.iter().map(|p| p[1]).fold(f64::INFINITY, f64::min);
     let high = all.iter().map(|p| p[1]).fold(f64::NEG_INFINITY, f64::max);
     let scale = if high > low { 2.0 * (half[1] - radius) / (high - low) } else { 1.0 };
@@ -119,8 +119,8 @@ fn chain(half: [f64; 2], radius: f64, count: usize) -> Vec<[f64; 2]> {
 mod tests {
     use super::*;
 
-    /// Width, height and radius follow from the places; strands touch and leave no gap that is open from
-    /// above.
+    /// Width and height of the strands are those of the section; strands do not overlap and leave no gap when
+    /// viewed from above.
     #[test]
     fn strands_are_as_wide_and_high_as_the_section_and_do_not_overlap() {
         for (width, height) in

@@ -1,57 +1,60 @@
 //! Hairs on the curves of a cloth: ends and loops of fibers that stand out of its yarns.
 //!
-//! Roots are a Poisson process along a yarn, with [`Hairs::per_mm`] to a millimeter. A root lies on the
-//! surface of a ply, at any angle about it where no other ply covers it, and leaves along the fibers there,
-//! tilted outwards by the angle of [`Hairs::rise`]. Lengths are exponential, as yarn testers find them
+//! Roots are a Poisson process along a yarn, with [`Hairs::per_mm`] roots per millimeter. A root lies on the
+//! surface of a ply, at any angle about it where no other ply covers it. The hair leaves along the fibers
+//! there, tilted outwards by the angle of [`Hairs::rise`]. Lengths are exponential, as yarn testers find
 //! (Barella and Manich, "The hair-length distribution of yarns", Journal of the Textile Institute 84, 1993).
 //! An end is a helix of random curvature and torsion; a loop is a cubic of the drawn length between two
-//! roots. Where a hair would run into a ply, it is pushed out to the surface and lies on it; one that does
-//! not find its way gets another root, and is cut only if none of many roots will do.
+//! roots. A hair that would run into a ply is pushed out to the surface and lies on it. If that fails, the
+//! hair gets another root; after many failed roots it is cut.
 //!
-//! A hair depends on the seed, its yarn and the cell alone. Left out: hairs do not meet hairs, and the fibers
-//! that stand out are not missing in their plies.
+//! A hair depends on the seed, its yarn and the cell alone. Left out: hairs pass through each other, and the
+//! fibers that stand out remain in their plies.
 
 use crate::error::SimError;
-use plywave::cloth::{Buckets, ClothCurves, ClothYarn, CurvePoint, Hairs, Lattice, PlyCurve};
+use plywave::cloth::{Buckets, ClothCurves, ClothYarn, CurvePoint, Lattice, PlyCurve};
 use plywave::math::hash::{GAMMA, SplitMix64, mix64};
 use plywave::math::vec3::{cross, dot, sub, unit};
 use plywave::spec::YarnSpec;
+use plywave_textile::Hairs;
 use std::f64::consts::{PI, TAU};
 
 type V3 = [f64; 3];
 
-/// Most means that a length has: the exponential distribution is cut off there, which takes 0.3 % of the
-/// length.
+/// Maximum length of a hair over the mean: the exponential distribution is truncated there, which removes 0.3
+/// % of the length.
 const MAX_MEANS: f64 = 8.0;
-/// Least and most pieces of a hair, their length where it does not bend much [um], and their largest turn.
+/// Minimum and maximum number of pieces of a hair, the maximum length of a piece [um] and its maximum turn
+/// [rad].
 const PIECES: [f64; 2] = [7.0, 63.0];
 const PIECE_UM: f64 = 50.0;
 const PIECE_TURN: f64 = 0.4;
-/// Roots that are tried for a hair.
+/// Maximum number of roots that are tried for a hair.
 const TRIES: usize = 24;
-/// Pushes of a point out of plies, which may lead from one into another.
+/// Maximum number of pushes of a point out of plies; a push out of one may lead into another.
 const PUSHES: usize = 4;
-/// Least sine at the roots of a loop: a flatter one has no room for its length.
+/// Minimum sine of the rise at the roots of a loop: a flatter cubic cannot reach the drawn length.
 const MIN_LOOP_RISE: f64 = 0.2;
-/// Distance of the roots of a loop over its length, least and range: chosen, no source has it.
+/// Distance of the roots of a loop over its length: minimum and range. They are chosen; no source gives them.
 const LOOP_CHORD: [f64; 2] = [0.2, 0.6];
-/// Longest step along the axis of a ply in the search for plies near a point [um], and over the radius.
+/// Maximum step along the axis of a ply in the search for plies near a point [um], and over the radius.
 const AXIS_STEP_UM: f64 = 25.0;
 const AXIS_STEP: f64 = 0.5;
 
-/// The hairs of a kind of yarn, with the fibers that they are of.
+/// The hairs of a kind of yarn, with their fibers.
 #[derive(Clone, Debug, PartialEq)]
 pub struct HairKind {
     hairs: Hairs,
-    /// Radii of round fibers with the area of the yarn's, and the share of the second.
+    /// Radii of round fibers with the area of the yarn's two fibers [um].
     radii_um: [f64; 2],
+    /// Share of the second fiber of a blend, 0 to 1.
     second_share: f64,
-    /// Turn of the fibers about the axis of their ply [rad/um].
+    /// Twist of the fibers about the axis of their ply [rad/um].
     twist_per_um: f64,
 }
 
 impl HairKind {
-    /// Hairs of a yarn of such plies.
+    /// Hairs of a yarn whose plies have this spec.
     pub fn new(hairs: Hairs, ply: &YarnSpec) -> HairKind {
         let radius = |area: f64| (area / PI).sqrt();
         let first = ply.fiber.shape.area_um2();
@@ -60,7 +63,7 @@ impl HairKind {
             hairs,
             radii_um: [radius(first), radius(second)],
             second_share: ply.blend.as_ref().map_or(0.0, |blend| blend.share),
-            twist_per_um: ply.ply.twist_per_um(),
+            twist_per_um: ply.ply.twist().rad_per_um(),
         }
     }
 }
@@ -68,38 +71,38 @@ impl HairKind {
 /// A hair.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Hair {
-    /// Index of the curve that its root lies on.
+    /// Index of the curve on which its root lies.
     pub curve: u32,
     /// Whether its fiber is of the second kind of a blend.
     pub second: bool,
     /// Radius of its fiber [um].
     pub radius_um: f64,
-    /// Whether it is a loop: its last point is a root too.
+    /// Whether it is a loop, whose last point is a root too.
     pub is_loop: bool,
-    /// Whether it is shorter than was drawn, since plies leave it no way.
+    /// Whether plies block it, so that it is shorter than its drawn length.
     pub is_cut: bool,
-    /// Points from the root on [um].
+    /// Points, starting at the root [um].
     pub points_um: Vec<[f64; 3]>,
 }
 
 impl Hair {
-    /// Length of its pieces [um].
+    /// Total length of its pieces [um].
     pub fn length_um(&self) -> f64 {
         self.points_um.windows(2).map(|p| length(sub(p[1], p[0]))).sum()
     }
 }
 
-/// Where the hairs of a yarn have their roots.
+/// Distribution of the roots of a yarn's hairs.
 struct Roots {
-    /// Curves of the yarn, each with the length up to its end over that of all.
+    /// Curves of the yarn, each with the cumulated length up to its end over that of all curves.
     curves: Vec<(usize, f64)>,
-    /// Mean number of hairs a cell.
+    /// Mean number of hairs per cell.
     mean: f64,
-    /// Least and largest x and y of its curves [um].
+    /// `[axis][min, max]`: bounds of the curves in x and y [um].
     bounds: [[f64; 2]; 2],
 }
 
-/// What hairs of a cloth grow from.
+/// Generator of the hairs of a cloth.
 pub struct HairRoots<'a> {
     curves: &'a ClothCurves,
     lattice: Lattice,
@@ -109,7 +112,7 @@ pub struct HairRoots<'a> {
 }
 
 impl<'a> HairRoots<'a> {
-    /// The roots of a cloth, of hairs by kind of yarn.
+    /// Prepares the roots of a cloth, with the hairs of each kind of yarn.
     ///
     /// # Errors
     /// [`plywave::Error::Invalid`] for a cell of parallel vectors.
@@ -130,7 +133,7 @@ impl<'a> HairRoots<'a> {
             let points = || own().flat_map(|(_, curve)| &curve.control_um);
             let reach = own().map(|(_, curve)| curve.radius_um).fold(0.0, f64::max);
             let bounds = [0, 1].map(|k| {
-                // A period depends on points of those before and after it.
+                // The spline of a period also depends on points of the previous and the next one.
                 let beyond = |curve: &PlyCurve| {
                     let (by, c) = (lattice.vector(curve.shift)[k], &curve.control_um);
                     [c[c.len() - 1][k] - by, c[0][k] + by, c[1][k] + by]
@@ -143,22 +146,22 @@ impl<'a> HairRoots<'a> {
             Some(Roots { curves: shares, mean, bounds })
         };
         let yarns = curves.yarns.iter().enumerate().map(of_yarn).collect();
-        let most = kinds.iter().flatten().flat_map(|kind| kind.radii_um).fold(0.0, f64::max);
-        Ok(HairRoots { curves, lattice, kinds, yarns, plies: Plies::new(curves, &lattice, most) })
+        let max_radius = kinds.iter().flatten().flat_map(|kind| kind.radii_um).fold(0.0, f64::max);
+        Ok(HairRoots { curves, lattice, kinds, yarns, plies: Plies::new(curves, &lattice, max_radius) })
     }
 
-    /// Mean number of hairs on an area of the cloth [um2].
+    /// Mean number of hairs on an area of the cloth, given in um2.
     pub fn mean_count(&self, area_um2: f64) -> f64 {
         self.yarns.iter().flatten().map(|roots| roots.mean).sum::<f64>() * area_um2 / self.lattice.area_um2()
     }
 
-    /// The yarns in cells whose hairs have roots in a rectangle, from its least to its largest corner [um],
-    /// and some that have none there.
+    /// All pairs of a yarn and a cell whose hairs can have roots in a rectangle, given by its minimum and
+    /// maximum corner [um]. The bounds are conservative: some of the pairs have no roots there.
     pub fn pieces(&self, [low, high]: [[f64; 2]; 2]) -> Vec<(usize, [i32; 2])> {
         let mut all = Vec::new();
         for (yarn, roots) in self.yarns.iter().enumerate() {
             let Some(Roots { bounds: [x, y], .. }) = roots else { continue };
-            // Vectors by which the yarn's box is moved to meet the rectangle.
+            // Range of translations for which the yarn's bounding box overlaps the rectangle.
             let (from, to) = ([low[0] - x[1], low[1] - y[1]], [high[0] - x[0], high[1] - y[0]]);
             let corners = [[from[0], from[1]], [to[0], from[1]], [from[0], to[1]], [to[0], to[1]]];
             let range = |k: usize| {
@@ -178,14 +181,14 @@ impl<'a> HairRoots<'a> {
         all
     }
 
-    /// Least and largest corner of the plies of a yarn in a cell [um].
+    /// Minimum and maximum corner of the plies of a yarn in a cell [um]; `None` for a yarn without hairs.
     pub fn bounds_um(&self, yarn: usize, cell: [i32; 2]) -> Option<[[f64; 2]; 2]> {
         let Roots { bounds: [x, y], .. } = self.yarns.get(yarn)?.as_ref()?;
         let v = self.lattice.vector(cell);
         Some([[x[0] + v[0], y[0] + v[1]], [x[1] + v[0], y[1] + v[1]]])
     }
 
-    /// The hairs of one period of a yarn's curves, in a cell.
+    /// Generates the hairs of one period of a yarn's curves in a cell.
     pub fn grow(&self, yarn: usize, cell: [i32; 2], seed: u64) -> Vec<Hair> {
         let Some(roots) = self.yarns.get(yarn).and_then(Option::as_ref) else { return Vec::new() };
         let Some(kind) = &self.kinds[self.curves.yarns[yarn].kind as usize] else { return Vec::new() };
@@ -196,14 +199,14 @@ impl<'a> HairRoots<'a> {
         let mut sum = draw.exponential();
         while sum < roots.mean {
             sum += draw.exponential();
-            // Each hair has numbers of its own, however many the one before took.
+            // Each hair has its own random stream, independent of how many numbers the previous one used.
             let mut own = Draw(SplitMix64(draw.0.next_u64()));
             hairs.extend(self.hair(roots, kind, cell, &mut own));
         }
         hairs
     }
 
-    /// One hair; `None` if no root has room for it.
+    /// Generates one hair; `None` if no root was found for it.
     fn hair(&self, roots: &Roots, kind: &HairKind, cell: [i32; 2], draw: &mut Draw) -> Option<Hair> {
         let Hairs { length_mm, curl_mm, rise, loops, .. } = kind.hairs;
         let whole = 1.0 - (-MAX_MEANS).exp();
@@ -227,15 +230,15 @@ impl<'a> HairRoots<'a> {
                 bend_per_um: [draw.normal(), draw.normal()].map(|n| n / (2f64.sqrt() * 1e3 * curl_mm)),
                 turn_per_um: draw.normal() / (1e3 * curl_mm),
             };
-            let seat = self.seat(&root, kind, 0.0, cell);
-            // The middle of the fiber beside its root, on the ply.
-            let beside = along(seat.point, radius_um, seat.normal);
+            let frame = self.frame(&root, kind, 0.0, cell);
+            // Center of the fiber at its root, one fiber radius outside of the ply.
+            let beside = along(frame.point, radius_um, frame.normal);
             if self.plies.deepest(beside, radius_um).is_some_and(|(depth, _)| depth > 0.5 * radius_um) {
                 continue;
             }
             let (points_um, is_cut) = match is_loop {
-                true => self.bow(&root, &seat, kind, cell, length_um, radius_um),
-                false => self.end(&root, &seat, length_um, radius_um),
+                true => self.bow(&root, &frame, kind, cell, length_um, radius_um),
+                false => self.end(&root, &frame, length_um, radius_um),
             };
             let hair = Hair { curve: curve as u32, second, radius_um, is_loop, is_cut, points_um };
             if !is_cut {
@@ -249,8 +252,8 @@ impl<'a> HairRoots<'a> {
         best
     }
 
-    /// The place of a root, or of one a way along the ply from it [um].
-    fn seat(&self, root: &Root, kind: &HairKind, way_um: f64, cell: [i32; 2]) -> Seat {
+    /// Frame of a root on the surface of its ply, or at the distance `way_um` along the ply from it.
+    fn frame(&self, root: &Root, kind: &HairKind, way_um: f64, cell: [i32; 2]) -> RootFrame {
         let curve = &self.curves.curves[root.curve];
         let at = |u: f64| -> CurvePoint { curve.at(&self.lattice, u) };
         let speed = length(at(root.parameter).d_um).max(1e-9);
@@ -265,19 +268,19 @@ impl<'a> HairRoots<'a> {
         let fiber = unit(std::array::from_fn(|k| tangent[k] + wind * around[k]));
         let v = self.lattice.vector(cell);
         let axis = [place.point_um[0] + v[0], place.point_um[1] + v[1], place.point_um[2]];
-        Seat { point: along(axis, curve.radius_um, normal), normal, fiber }
+        RootFrame { point: along(axis, curve.radius_um, normal), normal, fiber }
     }
 
-    /// A hair with a free end, and whether it was cut.
-    fn end(&self, root: &Root, seat: &Seat, length_um: f64, radius_um: f64) -> (Vec<V3>, bool) {
+    /// Points of a hair with a free end, and whether it was cut.
+    fn end(&self, root: &Root, frame: &RootFrame, length_um: f64, radius_um: f64) -> (Vec<V3>, bool) {
         let cosine = root.way * (1.0 - root.sine * root.sine).max(0.0).sqrt();
-        let mut way = unit(std::array::from_fn(|k| root.sine * seat.normal[k] + cosine * seat.fiber[k]));
-        let mut side = unit(cross(seat.normal, seat.fiber));
+        let mut way = unit(std::array::from_fn(|k| root.sine * frame.normal[k] + cosine * frame.fiber[k]));
+        let mut side = unit(cross(frame.normal, frame.fiber));
         let bend = root.bend_per_um[0].hypot(root.bend_per_um[1]);
         let count = pieces(length_um, bend);
         let step = length_um / count as f64;
-        let mut points = vec![seat.point];
-        let mut at = seat.point;
+        let mut points = vec![frame.point];
+        let mut at = frame.point;
         for _ in 0..count {
             let other = cross(way, side);
             let [a, b] = root.bend_per_um.map(|bend| bend * step);
@@ -286,7 +289,7 @@ impl<'a> HairRoots<'a> {
                 return (points, true);
             };
             let turned = unit(sub(next, at));
-            // It lies down on a ply, but does not turn back at one.
+            // A hair may lie down on a ply, but it must not turn back.
             if dot(turned, way) < 0.0 {
                 return (points, true);
             }
@@ -301,33 +304,33 @@ impl<'a> HairRoots<'a> {
         (points, false)
     }
 
-    /// A loop: the cubic between two roots that leans to a side and has the length, and whether plies are in
-    /// its way.
+    /// Points of a loop, and whether plies block it: the cubic of the given length between two roots, which
+    /// leans to one side.
     fn bow(
         &self,
         root: &Root,
-        seat: &Seat,
+        frame: &RootFrame,
         kind: &HairKind,
         cell: [i32; 2],
         length_um: f64,
         radius_um: f64,
     ) -> (Vec<V3>, bool) {
-        let far = self.seat(root, kind, root.way * root.chord * length_um, cell);
+        let far = self.frame(root, kind, root.way * root.chord * length_um, cell);
         let sine = root.sine.max(MIN_LOOP_RISE);
         let cosine = root.side * (1.0 - sine * sine).sqrt();
-        let out = |seat: &Seat| -> V3 {
-            let across = cross(seat.fiber, seat.normal);
-            std::array::from_fn(|k| sine * seat.normal[k] + cosine * across[k])
+        let out = |frame: &RootFrame| -> V3 {
+            let across = cross(frame.fiber, frame.normal);
+            std::array::from_fn(|k| sine * frame.normal[k] + cosine * across[k])
         };
-        let (first, last) = (out(seat), out(&far));
+        let (first, last) = (out(frame), out(&far));
         let count = pieces(length_um, 0.0).max(11);
         let points = |reach: f64| -> Vec<V3> {
-            let (b, c) = (along(seat.point, reach, first), along(far.point, reach, last));
+            let (b, c) = (along(frame.point, reach, first), along(far.point, reach, last));
             let place = |i: usize| {
                 let t = i as f64 / count as f64;
                 let u = 1.0 - t;
                 let w = [u * u * u, 3.0 * u * u * t, 3.0 * u * t * t, t * t * t];
-                std::array::from_fn(|k| w[0] * seat.point[k] + w[1] * b[k] + w[2] * c[k] + w[3] * far.point[k])
+                std::array::from_fn(|k| w[0] * frame.point[k] + w[1] * b[k] + w[2] * c[k] + w[3] * far.point[k])
             };
             (0..=count).map(place).collect()
         };
@@ -345,7 +348,8 @@ impl<'a> HairRoots<'a> {
         (curve, false)
     }
 
-    /// A point pushed out of all plies, a step from `from` where one is given; `None` if it stays within one.
+    /// Pushes a point out of all plies, at the distance `step` from `from` if a step is given. Returns `None`
+    /// if the point remains inside a ply.
     fn free(&self, from: V3, mut at: V3, step: Option<f64>, radius_um: f64) -> Option<V3> {
         for _ in 0..PUSHES {
             let Some((depth, out)) = self.plies.deepest(at, radius_um) else { return Some(at) };
@@ -354,33 +358,34 @@ impl<'a> HairRoots<'a> {
                 at = along(from, step, unit(sub(at, from)));
             }
         }
-        // A fiber that is half sunk lies among those of the surface.
+        // A fiber that is half sunk lies among those of the ply's surface, which is accepted.
         self.plies.deepest(at, radius_um).is_none_or(|(depth, _)| depth <= radius_um).then_some(at)
     }
 }
 
-/// Random numbers of a root.
+/// Random parameters of a hair and its root.
 struct Root {
     curve: usize,
     parameter: f64,
     angle: f64,
-    /// Along the fiber, 1 or -1.
+    /// Direction along the fiber, 1 or -1.
     way: f64,
-    /// Of the angle with the surface.
+    /// Sine of the angle with the surface.
     sine: f64,
-    /// To which side a loop leans, 1 or -1, and its chord over its length.
+    /// Side to which a loop leans, 1 or -1.
     side: f64,
+    /// Chord of a loop over its length.
     chord: f64,
-    /// Curvature in a frame that turns along the hair, and that turn [1/um].
+    /// Curvature in a frame that turns along the hair, and the rate of that turn [1/um].
     bend_per_um: [f64; 2],
     turn_per_um: f64,
 }
 
-/// A place on the surface of a ply.
-struct Seat {
+/// A frame on the surface of a ply.
+struct RootFrame {
     point: V3,
     normal: V3,
-    /// Direction of the fibers there.
+    /// Unit direction of the fibers there.
     fiber: V3,
 }
 
@@ -392,12 +397,12 @@ fn length(v: V3) -> f64 {
     dot(v, v).sqrt()
 }
 
-/// Pieces of a hair.
+/// Number of pieces of a hair.
 fn pieces(length_um: f64, bend_per_um: f64) -> usize {
     (length_um / PIECE_UM).max(length_um * bend_per_um / PIECE_TURN).ceil().clamp(PIECES[0], PIECES[1]) as usize
 }
 
-/// Random numbers.
+/// Random numbers of several distributions.
 struct Draw(SplitMix64);
 
 impl Draw {
@@ -414,15 +419,15 @@ impl Draw {
     }
 }
 
-/// Plies near a point.
+/// Spatial index of the plies, for their depth at a point.
 struct Plies {
     lattice: Lattice,
     buckets: Buckets,
-    /// Points on the axes, the ways to the next, and the radii [um].
+    /// Points on the axes, vectors to the next ones, and radii [um].
     points: Vec<V3>,
     steps: Vec<V3>,
     radii: Vec<f64>,
-    /// Height beyond which there is none [um].
+    /// Maximum |z| at which a fiber can touch a ply [um].
     top: f64,
 }
 
@@ -430,8 +435,8 @@ impl Plies {
     fn new(curves: &ClothCurves, lattice: &Lattice, fiber_um: f64) -> Plies {
         let (mut points, mut steps, mut radii) = (Vec::new(), Vec::new(), Vec::new());
         for curve in &curves.curves {
-            let most = AXIS_STEP_UM.min(AXIS_STEP * curve.radius_um);
-            let count = (curve.length_um(lattice) / most).ceil().max(4.0) as usize;
+            let max_step = AXIS_STEP_UM.min(AXIS_STEP * curve.radius_um);
+            let count = (curve.length_um(lattice) / max_step).ceil().max(4.0) as usize;
             let place = |i: usize| {
                 let u = i as f64 / count as f64 * curve.control_um.len() as f64;
                 curve.at(lattice, u).point_um
@@ -449,8 +454,8 @@ impl Plies {
         Plies { lattice: *lattice, buckets, points, steps, radii, top }
     }
 
-    /// By how much the middle of a fiber of this radius lies too deep in a ply, the one where it is deepest,
-    /// and the direction out of it; `None` where it is clear of all.
+    /// Maximum penetration of a fiber of this radius at p into a ply [um], and the unit direction out of that
+    /// ply; `None` if the fiber is clear of all plies.
     fn deepest(&self, p: V3, radius_um: f64) -> Option<(f64, V3)> {
         if p[2].abs() > self.top {
             return None;
@@ -464,7 +469,7 @@ impl Plies {
             let share = (dot(to, step) / dot(step, step).max(1e-300)).clamp(0.0, 1.0);
             let off = along(to, -share, step);
             let depth = self.radii[i] + radius_um - length(off);
-            if depth > 1e-6 && best.is_none_or(|(most, _)| depth > most) {
+            if depth > 1e-6 && best.is_none_or(|(max, _)| depth > max) {
                 best = Some((depth, off));
             }
         });

@@ -1,52 +1,54 @@
-//! Stitches: the start of a knitted yarn, before it is relaxed.
+//! Stitches: starting curves of knitted yarns, before they are relaxed.
 //!
 //! In the plane a stitch of width W and course spacing H is the loop of Peirce (1947) in the form
 //! ```text
 //! x = W t / 2 pi + a sin 2 t,   y = -h cos t,   t from 0 to 2 pi
 //! ```
-//! sinker (t = 0), foot, leg, head (t = pi) and back. The head is wider than the foot (a > 0), and with h
-//! above H / 2 it reaches over the feet of the next course. Of a knit stitch the legs lie in front of the
-//! head of the loop below (z = -b cos 2 t), and the feet behind its legs; of a purl stitch it is the other
-//! way round. A loop's lower half lies as its own stitch is made, its upper half as the stitch of the next
-//! course.
+//! It runs from the sinker (t = 0) over foot, leg and head (t = pi) back to the next sinker. The head is
+//! wider than the foot (a > 0), and with h above H / 2 it reaches over the feet of the next course. The legs
+//! of a knit stitch lie in front of the head of the loop below (z = -b cos 2 t), and its feet behind the legs
+//! of that loop; a purl stitch is the opposite. The depth of a loop's lower half follows from its own stitch,
+//! that of its upper half from the stitch of the next course.
 
 use std::f64::consts::{PI, TAU};
 
-/// Most rows and columns of a grid.
+/// Maximum number of rows and of columns of a grid.
 const MAX_GRID: usize = 64;
-/// Half of a loop's height over H, and how far its legs lean over W.
+/// Half of a loop's height over H (h / H), and the lean of its legs over W (a / W).
 const HEIGHT: f64 = 0.95;
 const LEAN: f64 = 0.2;
-/// Heights over the yarn's radius: of the legs, of the face and back wales of ribs.
+/// Heights over the yarn's radius of the legs, and of the face and back wales of ribs.
 const LEG: f64 = 1.2;
 const WALE: f64 = 1.4;
-/// Points of a stitch.
+/// Number of points of a stitch.
 const POINTS: usize = 48;
 
 /// A knit.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum Knit {
-    /// Rows of knit (true) and purl stitches as seen on the face, from the first course on.
+    /// Rows of knit (true) and purl stitches as they appear on the face, the first course first.
     Grid { rows: Vec<Vec<bool>>, is_rib: bool },
-    /// Two 1 x 1 ribs in each other, back to back.
+    /// Two interlocked 1 x 1 ribs, back to back.
     Interlock,
-    /// A warp knit of one bar, open laps: each yarn makes loops on two wales in turn.
+    /// A warp knit of one bar with open laps: each yarn makes loops on two wales alternately.
     Tricot,
 }
 
-/// A yarn over one period: the point after the last is the first, moved by `shift` vectors of the cell.
+/// A yarn over one period. After the last point follows the first one, translated by `shift` vectors of the
+/// cell.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct StartCurve {
     pub points_um: Vec<[f64; 3]>,
     pub shift: [i32; 2],
-    /// Stitches of one period.
+    /// Number of stitches of one period.
     pub stitches: usize,
 }
 
 impl Knit {
-    /// A knit of rows of text, the last row the first course: K, and P.
+    /// Parses a knit from rows of `K` and `P`; the last row is the first course.
     ///
-    /// What is wrong otherwise, in words.
+    /// # Errors
+    /// A description of what is wrong with the rows.
     pub fn from_rows(rows: &[String]) -> Result<Knit, String> {
         let width = rows.first().map_or(0, String::len);
         if rows.is_empty() || rows.len() > MAX_GRID || !(1..=MAX_GRID).contains(&width) {
@@ -80,12 +82,12 @@ impl Knit {
         Ok(Knit::Grid { rows: grid, is_rib: false })
     }
 
-    /// A rib of knit and purl wales in turn.
+    /// A rib of alternating groups of knit and purl wales.
     pub fn rib(knit: usize, purl: usize) -> Knit {
         Knit::Grid { rows: vec![(0..knit + purl).map(|wale| wale < knit).collect()], is_rib: true }
     }
 
-    /// Wales and courses of the cell.
+    /// Number of wales and courses of the cell.
     pub fn cell(&self) -> [usize; 2] {
         match self {
             Knit::Grid { rows, .. } => [rows[0].len(), rows.len()],
@@ -94,7 +96,7 @@ impl Knit {
         }
     }
 
-    /// Its yarns, with stitches `wale` wide and courses `course` apart, of a yarn of this radius [um].
+    /// Starting curves of the yarns for this width of wales, spacing of courses and radius of the yarn [um].
     pub fn curves(&self, wale: f64, course: f64, radius: f64) -> Vec<StartCurve> {
         match self {
             Knit::Grid { rows, is_rib } => {
@@ -115,13 +117,13 @@ impl Knit {
     }
 }
 
-/// 0 below -1, 1 above 1, smooth between.
+/// Smooth step: 0 for x below -1, 1 above 1.
 fn smooth(x: f64) -> f64 {
     let t = (0.5 * (x + 1.0)).clamp(0.0, 1.0);
     t * t * (3.0 - 2.0 * t)
 }
 
-/// A course of stitches with those of the next one, at the height `at` of courses.
+/// A course of stitches at the height of `at` courses; `next` are the stitches of the next course.
 fn weft_knitted(own: &[bool], next: &[bool], at: f64, lift: f64, [wale, course, radius]: [f64; 3]) -> StartCurve {
     let sign = |is_knit: bool| if is_knit { 1.0 } else { -1.0 };
     let count = own.len();
@@ -131,7 +133,7 @@ fn weft_knitted(own: &[bool], next: &[bool], at: f64, lift: f64, [wale, course, 
         let above = sign(next[w]);
         for i in 0..POINTS {
             let t = TAU * (i as f64 + 0.5) / POINTS as f64;
-            // From the left sinker to the right one the loop goes up to the next course's side and back.
+            // Between its sinkers the loop changes to the side of the next course and back.
             let up = smooth((t - 0.5 * PI) * 4.0 / PI) * (1.0 - smooth((t - 1.5 * PI) * 4.0 / PI));
             let mut side = here + up * (above - here);
             side += (before - here) * (1.0 - smooth(t * 12.0 / PI));
@@ -146,16 +148,15 @@ fn weft_knitted(own: &[bool], next: &[bool], at: f64, lift: f64, [wale, course, 
     StartCurve { points_um: points, shift: [1, 0], stitches: count }
 }
 
-/// A yarn of a tricot: a loop on one wale, one on the next, underlaps behind both.
+/// A yarn of a tricot: loops on two wales alternately, with underlaps behind both.
 fn tricot(wale: f64, course: f64, radius: f64) -> StartCurve {
     let leg = LEG * radius;
     let mut points = Vec::new();
     for c in 0..2 {
-        // The first loop goes up on its right and down on its left, the second the other way round.
+        // The first loop rises on its right and falls on its left; the second is its mirror image.
         let (middle, mirror) = if c == 0 { (0.5, 1.0) } else { (1.5, -1.0) };
         for i in 0..POINTS {
-            // From the inner foot over the head to the other foot: the loop of a knit stitch, without
-            // sinkers.
+            // The loop of a knit stitch without sinkers, from the inner foot over the head to the other foot.
             let t = TAU * (0.09 + 0.82 * (i as f64 + 0.5) / POINTS as f64);
             let x = t / TAU - 0.5 + LEAN * (2.0 * t).sin();
             points.push([
@@ -194,16 +195,15 @@ mod tests {
     const H: f64 = 500.0;
     const R: f64 = 85.0;
 
-    /// A crossing seen along z: place, curve and number of the point of the strand in front and of that
-    /// behind, cells by which each is moved.
+    /// A crossing of two strands viewed along z.
     struct Crossing {
         at: [f64; 2],
-        /// Of the strand in front, then of the one behind: curve, point, wales and courses of its move.
+        /// The strand in front, then the one behind: curve, point, and translation in wales and courses.
         strands: [(usize, usize, [i32; 2]); 2],
         gap: f64,
     }
 
-    /// All crossings with strands of the cell, found by brute force among the images around.
+    /// All crossings of strands of the cell, found by brute force among the neighboring images.
     fn crossings(curves: &[StartCurve], cell: [f64; 2]) -> Vec<Crossing> {
         let mut segments = Vec::new();
         for (c, curve) in curves.iter().enumerate() {
@@ -237,7 +237,8 @@ mod tests {
                             continue;
                         }
                         let gap = p[2] + x * (q[2] - p[2]) - r[2] - y * (s[2] - r[2]);
-                        // Each once: with this strand in front. Neighbors meet at their common point.
+                        // Each crossing is counted once, with this strand in front. Neighboring segments
+                        // share a point and have no gap.
                         if gap > 1e-6 {
                             let at = [p[0] + x * u[0], p[1] + x * u[1]];
                             found.push(Crossing { at, strands: [(c, i, [0, 0]), (d, j, [a, b])], gap });
@@ -254,13 +255,13 @@ mod tests {
         [wales as f64 * W, courses as f64 * H]
     }
 
-    /// Share of the loop at a point, from 0 at the left sinker over 0.5 at the head to 1.
+    /// Fraction of the loop at a point: 0 at the left sinker, 0.5 at the head, 1 at the right sinker.
     fn share(point: usize) -> f64 {
         (point % POINTS) as f64 / POINTS as f64
     }
 
-    /// Each stitch crosses the loop below four times: legs before or behind its head, feet behind or before
-    /// its legs, as it is knit or purl. Strands keep apart.
+    /// Each stitch crosses the loop below four times. The legs of a knit stitch lie in front of that loop's
+    /// head and its feet behind that loop's legs; a purl stitch is the opposite. Strands keep apart.
     #[test]
     fn stitches_hold_each_other() {
         let rows = |rows: &[&str]| Knit::from_rows(&rows.iter().map(|r| r.to_string()).collect::<Vec<_>>()).unwrap();
@@ -278,8 +279,8 @@ mod tests {
             assert_eq!(found.len(), 4 * rows.len() * rows[0].len(), "{name}");
             for crossing in &found {
                 let [front, back] = crossing.strands;
-                // Of the two strands, the one a course higher: its feet or legs, in the lower half of its
-                // loop.
+                // The upper strand is a course higher and crosses with its feet or legs, in the lower half of
+                // its loop.
                 let height = |(c, _, by): (usize, usize, [i32; 2])| c as i32 + by[1] * rows.len() as i32;
                 let (upper, lower, is_front) =
                     if height(front) > height(back) { (front, back, true) } else { (back, front, false) };
@@ -287,7 +288,7 @@ mod tests {
                 let is_knit = rows[upper.0][upper.1 / POINTS];
                 let (s, t) = (share(upper.1), share(lower.1));
                 assert!(!(0.25..0.75).contains(&s) && (0.25..0.75).contains(&t), "{name}: {s} {t}");
-                // Legs cross the head, feet the legs.
+                // Legs cross the head of the loop below, and feet its legs.
                 let is_leg = (0.36..0.64).contains(&t);
                 assert_eq!(is_front, is_leg == is_knit, "{name}: at {:?}, {s} {t}", crossing.at);
                 assert!(crossing.gap > 0.5 * R, "{name}: {} at {s} {t}", crossing.gap / R);
@@ -298,12 +299,13 @@ mod tests {
     /// Loops of interlock and tricot hold those below on their own wale, and strands keep apart.
     #[test]
     fn interlock_and_tricot_hold() {
-        // Four crossings of each stitch with the loop below; ribs back to back cross in view, and underlaps.
+        // Each stitch has four crossings with the loop below. Further crossings in projection are those of
+        // ribs back to back and of underlaps.
         for (name, knit, count) in [("interlock", Knit::Interlock, 48), ("tricot", Knit::Tricot, 10)] {
             let found = crossings(&knit.curves(W, H, R), cell(&knit));
-            let least = found.iter().map(|c| c.gap / R).fold(f64::INFINITY, f64::min);
-            println!("{name}: {} crossings, least gap {least:.2} R", found.len());
-            assert!(found.len() == count && least > 0.5, "{name}: {} {least}", found.len());
+            let min = found.iter().map(|c| c.gap / R).fold(f64::INFINITY, f64::min);
+            println!("{name}: {} crossings, least gap {min:.2} R", found.len());
+            assert!(found.len() == count && min > 0.5, "{name}: {} {min}", found.len());
         }
     }
 
@@ -317,7 +319,7 @@ mod tests {
         assert!(of(&[]).contains("1 to 64 rows"));
     }
 
-    /// The loop of a jersey of 14 wales and 20 courses a cm is some 2.7 mm long.
+    /// The loop of a jersey of 14 wales and 20 courses per cm is about 2.7 mm long.
     #[test]
     fn loops_are_as_long_as_those_of_cloth() {
         let curves = Knit::rib(1, 0).curves(W, H, R);

@@ -1,14 +1,18 @@
-//! The start of a knitted cloth: from stitches and a yarn to chains.
+//! Starting chains of a knitted cloth, from its stitches and its yarn.
+//!
+//! The curves of `knit.rs` are resampled by length and laid out with the yarn's plies or bundles. A knit
+//! holds the length of its loops when it is relaxed.
 
 use super::knit::Knit;
 use super::relax::Elements;
-use super::woven::{MAX_NODES, Start, element_um};
-use plywave::cloth::{ClothYarn, KnitSpec, Lattice, YarnOfCloth};
+use super::woven::{Start, element_um, max_nodes};
+use plywave::cloth::{ClothYarn, Lattice};
+use plywave_textile::{KnitSpec, YarnOfCloth};
 
-/// What is wrong with a key: its name, value and a hint.
+/// An error of a key: its name, its value and a hint.
 pub(super) type Refusal = (&'static str, String, String);
 
-/// Stitches of a spec.
+/// The stitches of a spec.
 fn stitches(spec: &KnitSpec) -> Result<Knit, Refusal> {
     let rows = |rows: &[&str]| -> Vec<String> { rows.iter().map(|row| row.to_string()).collect() };
     let grid = match spec.kind.as_str() {
@@ -24,7 +28,7 @@ fn stitches(spec: &KnitSpec) -> Result<Knit, Refusal> {
     Knit::from_rows(&grid).map_err(|hint| ("knit.rows", value, hint))
 }
 
-/// The start of a knit.
+/// Lays out the starting chains of a knit.
 pub(super) fn knitted(spec: &KnitSpec, yarn: &YarnOfCloth) -> Result<Start, Refusal> {
     let knit = stitches(spec)?;
     let [wale_um, course_um] = [1e4 / spec.wales_per_cm, 1e4 / spec.courses_per_cm];
@@ -33,25 +37,26 @@ pub(super) fn knitted(spec: &KnitSpec, yarn: &YarnOfCloth) -> Result<Start, Refu
         return Err(("knit.wales_per_cm", spec.wales_per_cm.to_string(), "use numbers above 0".into()));
     };
     let nodes = 1e3 * spec.loop_mm * wales * courses / element_um(yarn) * yarn.strands() as f64;
-    if nodes > MAX_NODES {
-        let hint = format!("the loops are too long to relax; use {MAX_NODES:.0e} nodes at most");
+    let most = max_nodes(&[yarn]);
+    if nodes > most {
+        let hint = format!("the loops are too long to relax; use {most:.0e} nodes at most");
         return Err(("knit.loop_mm", format!("{nodes:.1e} nodes"), hint));
     }
-    let elements = Elements { lattice, chains: Vec::new(), stations: Vec::new(), thickness_um: None };
+    let elements = Elements { lattice, chains: Vec::new(), sections: Vec::new(), thickness_um: None };
     let mut start = Start { elements, yarns: Vec::new(), of_chain: Vec::new(), twists: Vec::new() };
     let curves = knit.curves(wale_um, course_um, yarn.radius_um());
     let step = curves.len() as i32;
     for (number, curve) in curves.iter().enumerate() {
-        // Courses are numbered upwards, the yarns of a tricot to the right.
+        // Courses are numbered upwards, and the yarns of a tricot to the right.
         let step = if curve.shift[0] == 0 { [step, 0] } else { [0, step] };
         let of = ClothYarn { kind: 0, number: number as i32, step, period: curve.shift };
         let length_um = 1e3 * spec.loop_mm * curve.stitches as f64;
         let line = Polyline::new(&curve.points_um, lattice.vector(curve.shift));
         let first = start.elements.chains.len();
-        start.add_along(yarn, of, length_um, |s| line.at(s));
+        start.add_along(yarn, of, length_um, None, |s| line.at(s));
         for chain in &mut start.elements.chains[first..] {
-            // A knit keeps the length of its loops. Plies about the axis are longer by their helix, which
-            // their start has.
+            // A knit keeps the length of its loops. Plies of several are helices about the axis; their
+            // starting length already includes the helix.
             let periods = if curve.shift[0] == 0 { chain.shift[1] } else { chain.shift[0] };
             chain.length_um.get_or_insert(length_um * f64::from(periods));
         }
@@ -59,11 +64,11 @@ pub(super) fn knitted(spec: &KnitSpec, yarn: &YarnOfCloth) -> Result<Start, Refu
     Ok(start)
 }
 
-/// A closed polyline by its length.
+/// A periodic polyline, parameterized by its length.
 struct Polyline<'a> {
     points: &'a [[f64; 3]],
     way: [f64; 2],
-    /// Length up to each point, and the whole.
+    /// Length up to each point, and the total length last [um].
     lengths: Vec<f64>,
 }
 
@@ -78,7 +83,7 @@ impl<'a> Polyline<'a> {
         line
     }
 
-    /// The point `i`, which may be the first of the next period.
+    /// The point `i`, which may lie in a later period.
     fn point(&self, i: usize) -> [f64; 3] {
         let n = self.points.len();
         let turns = (i / n) as f64;
@@ -86,7 +91,7 @@ impl<'a> Polyline<'a> {
         [p[0] + turns * self.way[0], p[1] + turns * self.way[1], p[2]]
     }
 
-    /// Point at `s`, which grows by 1 a period, and the direction across it in the plane.
+    /// Point at `s`, which grows by 1 over a period, and the unit direction across the line in the plane.
     fn at(&self, s: f64) -> ([f64; 3], [f64; 3]) {
         let n = self.points.len();
         let turns = s.floor();

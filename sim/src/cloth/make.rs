@@ -1,48 +1,51 @@
 //! From a cloth spec to relaxed curves.
+//!
+//! A weave or a knit is laid out on its cell and relaxed; curves of a file are taken as they are or relaxed.
+//! The result is checked for overlapping plies and measured. For a weave that is too dense, a bisection over
+//! its spacings finds the densest one that fits, which the error then names.
 
 use super::files::{compare_counts, source_curves};
 use super::knitted;
 use super::measure::{ClothMeasures, measure};
-use super::ready::Effort;
+use super::precompute::Effort;
 use super::relax::{Chain, Elements, MAX_OVERLAP, Relaxed, relax};
-use super::woven::{MAX_NODES, Start, woven};
+use super::woven::{Start, max_nodes, woven};
 use crate::error::SimError;
 use plywave::Error;
-use plywave::cloth::{Buckets, ClothCurves, ClothSpec, ClothWeave, Lattice, PlyCurve, YarnOfCloth};
-use plywave::cloth::{Draft, NamedWeave, WeaveSpec, Wif};
+use plywave::cloth::{Buckets, ClothCurves, Lattice, PlyCurve, YarnColor, YarnLook};
+use plywave_textile::{ClothSpec, ClothWeave, Draft, NamedWeave, WeaveSpec, Wif, YarnOfCloth, YarnSet, check_floats};
 
-/// Largest unbalanced force of a cloth at rest, over the mean tension of a strand.
+/// Maximum unbalanced force of a cloth at rest, over the mean tension of a strand.
 pub const MAX_FORCE: f64 = 0.05;
-/// Largest overlap of two plies of a cloth over their mean radius: what relaxed yarns reach, and what light
-/// does not show.
+/// Maximum overlap of two plies of a cloth over their mean radius: relaxed yarns reach it, and it is not
+/// visible in renderings.
 const MAX_SHARED: f64 = 0.05;
-/// Factor by which the spacings of a cloth that is too dense grow until it goes, how often at most, and how
-/// often the last step is halved.
+/// Search for spacings that fit a weave that is too dense: growth factor of a step, maximum number of steps,
+/// and bisections of the last step.
 const WIDER: f64 = 1.3;
 const TRIES: i32 = 6;
 const HALVINGS: usize = 4;
 
-/// A cloth's curves, and what is known of them.
+/// Curves of a cloth with their measures and notes.
 #[derive(Clone, Debug)]
 pub struct MadeCloth {
     /// The curves.
     pub curves: ClothCurves,
     /// Measures.
     pub measures: ClothMeasures,
-    /// How the relaxation ended; `None` for curves that were taken as they are.
+    /// Result of the relaxation; `None` for curves that were taken as they are.
     pub relaxed: Option<Relaxed>,
-    /// What is to be said: of layers that no yarn joins, of twist that was rounded, of a WIF.
+    /// Notes for the user, such as layers that no yarn joins, a rounded twist, or remarks on a WIF.
     pub notes: Vec<String>,
-    /// By kind of yarn, colors [sRGB, 0 to 1] of the yarns by their number, from the stripes of the spec or
-    /// the WIF; none where there are none.
-    pub colors: [Vec<[f32; 3]>; 2],
+    /// Looks of the yarns by kind, with the colors of the spec or else of its WIF.
+    pub looks: Vec<YarnLook>,
 }
 
 impl MadeCloth {
-    /// Of a cloth that did not come to rest, a line that says by how much and what to do; it is the first of
-    /// the notes.
+    /// For a cloth that did not come to rest, one line with the unbalanced force and hints; it is also the
+    /// first of the notes.
     pub fn unrest(&self) -> Option<String> {
-        self.relaxed.filter(|relaxed| relaxed.force > MAX_FORCE).map(|relaxed| {
+        self.relaxed.filter(|relaxed| relaxed.force.is_nan() || relaxed.force > MAX_FORCE).map(|relaxed| {
             format!(
                 "the cloth did not come to rest: forces up to {:.2} of the tension are not balanced after {} steps, {MAX_FORCE} is the limit; \
                  give its yarns more room: wider spacings or stitches, finer yarns, a lower stiffness or a larger thickness_um",
@@ -52,21 +55,22 @@ impl MadeCloth {
     }
 }
 
-/// Spacings that are taken from a WIF [um]: programs that leave it to a default write all kinds of numbers.
+/// Range of spacings that are accepted from a WIF [um]; some programs write arbitrary defaults.
 const SPACING_UM: std::ops::RangeInclusive<f64> = 10.0..=1e5;
 
-/// Makes the curves of a cloth. `read` gives the bytes of the file that a spec names, of a WIF or of curves;
-/// `go_on` is asked at every step of the relaxation and may stop it. A draft is relaxed in fewer steps.
+/// Makes the curves of a cloth. `read` returns the bytes of the file that the spec names, a WIF or curves.
+/// `go_on` is called at every step of the relaxation with the estimated share that is done, from 0 to 1, and
+/// stops it by returning `false`. [`Effort::Draft`] balances forces less exactly.
 ///
 /// # Errors
-/// [`SimError::Stopped`], and [`Error::Invalid`] for a draft that leaves a yarn unbound, yarns too thick for
-/// their spacing, and files that do not hold what they should.
+/// [`SimError::Stopped`], and [`Error::Invalid`] for a draft that leaves a yarn unbound, for yarns too thick
+/// for their spacing, and for invalid files.
 pub fn make_cloth(
     spec: &ClothSpec,
     file: &str,
     read: &mut dyn FnMut(&str) -> Result<Vec<u8>, Error>,
     effort: Effort,
-    go_on: &(dyn Fn() -> bool + Sync),
+    go_on: &(dyn Fn(f64) -> bool + Sync),
 ) -> Result<MadeCloth, SimError> {
     let mut notes = Vec::new();
     let invalid = |key: &str, value: String, hint: String| -> SimError {
@@ -86,6 +90,12 @@ pub fn make_cloth(
                     // Colors need not repeat as the weave does.
                     wif.draft.reduced()
                 }
+                WeaveSpec::Picture(picture) => {
+                    let made = picture.draft(file, &read(&picture.picture)?)?;
+                    notes.extend(made.notes);
+                    notes.extend(picture.rotation_note(yarns[1].colors().len()));
+                    made.draft
+                }
                 _ => weave
                     .draft()
                     .ok_or_else(|| invalid("weave.kind", "a weave without draft".into(), "use another".into()))?,
@@ -95,32 +105,36 @@ pub fn make_cloth(
                 let value = format!("{} {} lies {side} all others", set.name(), thread + 1);
                 return Err(invalid("weave", value, "it cannot be woven: bind every yarn".into()));
             }
-            // Notes of a WIF have it, by the file's numbers of threads.
+            // The notes of a WIF already include it, with the thread numbers of the file.
             if draft != Draft::layers() && !matches!(weave, WeaveSpec::Wif { .. }) {
                 notes.extend(draft.layers_note());
             }
             let mut spacing = [1.0; 2];
-            for (k, key) in ["warp.ends_per_cm", "weft.picks_per_cm"].into_iter().enumerate() {
-                spacing[k] = match (yarns[k].spacing_um(), &spacings[k]) {
+            for (k, key) in ["weave.ends_per_cm", "weave.picks_per_cm"].into_iter().enumerate() {
+                spacing[k] = match (spec.spacing_um(YarnSet::EACH[k]), &spacings[k]) {
                     (Some(own), _) => own,
-                    (None, Some(given)) if SPACING_UM.contains(&given.um) => {
-                        notes.push(format!("{key} = {:.1} from {}", 1e4 / given.um, given.source));
-                        given.um
+                    (None, Some(in_wif)) if SPACING_UM.contains(&in_wif.um) => {
+                        notes.push(format!("{key} = {:.1} from {}", 1e4 / in_wif.um, in_wif.source));
+                        in_wif.um
                     }
-                    (None, given) => {
-                        let hint = match given {
+                    (None, in_wif) => {
+                        let hint = match in_wif {
                             None => "give this key; the WIF has no Spacing and no Thickness for it".into(),
-                            Some(given) => format!("give this key; {} in the WIF is {:.1} um", given.source, given.um),
+                            Some(spacing) => {
+                                format!("give this key; {} in the WIF is {:.1} um", spacing.source, spacing.um)
+                            }
                         };
                         return Err(invalid(key, "(absent)".into(), hint));
                     }
                 };
             }
+            check_floats(file, "weave", &draft, spacing)?;
             let nodes = super::woven::nodes(&draft, yarns, spacing);
-            if nodes > MAX_NODES {
+            let most = max_nodes(&yarns);
+            if nodes > most {
                 let value = format!("{nodes:.1e} nodes");
                 let hint = format!(
-                    "the repeat is too large to relax; use fewer ends, picks or bundles, {MAX_NODES:.0e} nodes at most"
+                    "the repeat is too large to relax; use fewer ends, picks or bundles, {most:.0e} nodes at most"
                 );
                 return Err(invalid("weave", value, hint));
             }
@@ -132,17 +146,19 @@ pub fn make_cloth(
             if relaxed.overlap <= MAX_OVERLAP {
                 let mut made = finished(start, spec, Some(relaxed), notes)?;
                 check_shared(&made, spec).map_err(|(value, what)| invalid("weave", value, what))?;
-                for (own, colors) in made.colors.iter_mut().zip(in_wif) {
-                    if own.is_empty() {
-                        *own = colors;
+                for (look, colors) in made.looks.iter_mut().zip(in_wif) {
+                    if look.colors == [YarnColor::Undyed] && !colors.is_empty() {
+                        look.colors = colors.into_iter().map(YarnColor::Srgb).collect();
                     }
                 }
                 return Ok(made);
             }
-            // Too dense: by how much, and what would go.
+            // The weave is too dense; find the spacing at which it fits.
             let overlap_um = relaxed.overlap * 0.5 * (yarns[0].strand_radius_um() + yarns[1].strand_radius_um());
+            // A draft is near enough; the rest of its overlap stays below the limit.
             let goes = |scale: f64| -> Result<bool, SimError> {
-                Ok(self::relaxed(at(scale)?, spec.thickness_um, effort, go_on)?.1.overlap <= MAX_OVERLAP)
+                let tried = self::relaxed(at(scale)?, spec.thickness_um, Effort::Draft, &|_| go_on(1.0))?.1;
+                Ok(tried.overlap <= 0.95 * MAX_OVERLAP)
             };
             let (mut low, mut high) = (1.0, None);
             for step in 1..=TRIES {
@@ -159,19 +175,28 @@ pub fn make_cloth(
                      still; use finer yarns{}",
                     if spec.thickness_um.is_some() { " or a larger thickness_um" } else { "" }
                 );
-                return Err(invalid("warp.count", format!("{:.2} tex", yarns[0].count.tex()), hint));
+                return Err(invalid("warp.count", format!("{:.2} tex", yarns[0].tex()), hint));
             };
             for _ in 0..HALVINGS {
                 let middle = 0.5 * (low + high);
                 *(if goes(middle)? { &mut high } else { &mut low }) = middle;
             }
-            // Rounded so that the next one is not denser.
-            let per_cm = spacing.map(|s| (1e5 / (s * high)).floor() / 10.0);
+            // What is told goes at full effort, too.
+            let mut per_cm = spacing.map(|s| (1e5 / (s * high)).floor() / 10.0);
+            for _ in 0..TRIES {
+                let start = woven(&draft, yarns, per_cm.map(|per_cm| 1e4 / per_cm));
+                let Some(start) = start else { break };
+                let told = self::relaxed(start, spec.thickness_um, effort, &|_| go_on(1.0))?.1;
+                if told.overlap <= MAX_OVERLAP {
+                    break;
+                }
+                per_cm = per_cm.map(|per_cm| (9.8 * per_cm).floor() / 10.0);
+            }
             let hint = format!(
                 "the yarns are too thick: they overlap by {overlap_um:.1} um; at most {} ends and {} picks a cm go",
                 per_cm[0], per_cm[1]
             );
-            Err(invalid("warp.ends_per_cm", yarns[0].ends_per_cm.unwrap_or_default().to_string(), hint))
+            Err(invalid("weave.ends_per_cm", spec.per_cm[0].unwrap_or_default().to_string(), hint))
         }
         ClothWeave::Knitted(knit, yarn) => {
             let start = knitted::knitted(knit, yarn).map_err(|(key, value, hint)| invalid(key, value, hint))?;
@@ -193,8 +218,7 @@ pub fn make_cloth(
             let lattice = curves.lattice(&source.file)?;
             if !source.relax {
                 let measures = measure(&curves, &lattice, &yarns)?;
-                let colors = colors_of(spec);
-                let made = MadeCloth { curves, measures, relaxed: None, notes, colors };
+                let made = MadeCloth { curves, measures, relaxed: None, notes, looks: spec.looks() };
                 check_shared(&made, spec).map_err(|(value, what)| {
                     let hint = format!("{what}; use relax = true, or curves that do not pass through each other");
                     invalid("curves.file", value, hint)
@@ -203,10 +227,10 @@ pub fn make_cloth(
             }
             let nodes: f64 = curves.curves.iter().map(|curve| nodes_of(curve, &lattice) as f64).sum();
             let largest = curves.curves.iter().map(|curve| curve.radius_um).fold(0.0, f64::max);
-            // Elements are longer where a curve was sampled unevenly.
-            if nodes > MAX_NODES || !Buckets::can_search(&lattice, nodes as usize, 8.0 * largest) {
-                let hint =
-                    format!("its curves are too long to relax; use relax = false, or {MAX_NODES:.0e} nodes at most");
+            let most = max_nodes(&yarns);
+            // Unevenly sampled curves have longer elements, hence the factor 8.
+            if nodes > most || !Buckets::can_search(&lattice, nodes as usize, 8.0 * largest) {
+                let hint = format!("its curves are too long to relax; use relax = false, or {most:.0e} nodes at most");
                 return Err(invalid("curves.file", format!("{nodes:.1e} nodes"), hint));
             }
             let start = start_of(&curves, lattice, &yarns);
@@ -230,10 +254,10 @@ fn check_overlap(relaxed: &Relaxed, yarn: &YarnOfCloth) -> Result<(), (String, S
     let hint = format!(
         "the yarn is too thick: it overlaps itself by {overlap_um:.1} um; use a finer yarn, a longer loop or fewer stitches a cm"
     );
-    Err((format!("{:.2} tex", yarn.count.tex()), hint))
+    Err((format!("{:.2} tex", yarn.tex()), hint))
 }
 
-/// Value and words where plies share more room than those of a cloth do: the yarns, by their names.
+/// Checks the overlap of plies; the error is the value and a sentence with the names of the yarns.
 fn check_shared(made: &MadeCloth, spec: &ClothSpec) -> Result<(), (String, String)> {
     let m = &made.measures;
     if m.overlap <= MAX_SHARED {
@@ -252,13 +276,7 @@ fn check_shared(made: &MadeCloth, spec: &ClothSpec) -> Result<(), (String, Strin
     Err((format!("an overlap of {:.1} % of R", 100.0 * m.overlap), format!("{which}, by more than {limit} % of R")))
 }
 
-fn colors_of(spec: &ClothSpec) -> [Vec<[f32; 3]>; 2] {
-    let mut colors = <[Vec<[f32; 3]>; 2]>::default();
-    colors.iter_mut().zip(spec.yarns()).for_each(|(colors, yarn)| *colors = yarn.colors());
-    colors
-}
-
-/// What a houndstooth without its colors is.
+/// Note for a houndstooth whose stripes are not those of the pattern.
 fn houndstooth_note(spec: &ClothSpec) -> Option<String> {
     let has_teeth = |yarn: &&YarnOfCloth| {
         let stripes: Vec<usize> = yarn.stripes.iter().map(|stripe| stripe.count).collect();
@@ -270,13 +288,13 @@ fn houndstooth_note(spec: &ClothSpec) -> Option<String> {
     })
 }
 
-/// What is to be said of twists that a periodic cloth cannot have.
+/// Notes on twists that were rounded because the cloth is periodic.
 fn twist_notes(start: &Start, spec: &ClothSpec) -> Vec<String> {
     let mut notes = Vec::new();
     for (kind, yarn) in spec.yarns().iter().enumerate() {
         let name = spec.kind_name(kind);
         let Some((_, used)) = start.twists.iter().find(|(of, _)| *of as usize == kind) else { continue };
-        let (used, wanted) = (1e6 * used.abs(), yarn.twist_per_m);
+        let (used, wanted) = (1e6 * used.abs(), yarn.strand_twist.1);
         if (used - wanted).abs() > 0.02 * wanted {
             notes.push(format!("{name}: {used:.0} turns a meter in place of {wanted:.0}, so that the cloth repeats"));
         }
@@ -288,7 +306,7 @@ fn relaxed(
     mut start: Start,
     thickness_um: Option<f64>,
     effort: Effort,
-    go_on: &(dyn Fn() -> bool + Sync),
+    go_on: &(dyn Fn(f64) -> bool + Sync),
 ) -> Result<(Start, Relaxed), SimError> {
     start.elements.thickness_um = thickness_um;
     let relaxed = relax(&mut start.elements, effort, go_on).ok_or(SimError::Stopped)?;
@@ -308,14 +326,14 @@ fn finished(
         start.elements.chains.iter().zip(&start.of_chain).map(|(chain, yarn)| smooth(chain, *yarn, &lattice)).collect();
     let curves = ClothCurves { cell_um: lattice.cell_um, yarns: start.yarns, curves };
     let measures = measure(&curves, &lattice, &spec.yarns())?;
-    let mut made = MadeCloth { curves, measures, relaxed, notes, colors: colors_of(spec) };
+    let mut made = MadeCloth { curves, measures, relaxed, notes, looks: spec.looks() };
     made.notes.splice(0..0, made.unrest());
     Ok(made)
 }
 
-/// The curve of a chain, which lies at the mean height of its elements: they are chords, by l^2 kappa / 12
-/// within the arc through their nodes. A spline through nodes lies on that arc, one that has them as
-/// control points l^2 kappa / 6 within it.
+/// The spline of a chain. The elements are chords, which lie on average `l^2 kappa / 12` inside the arc
+/// through their nodes. A spline through the nodes lies on that arc, a spline with the nodes as control
+/// points `l^2 kappa / 6` inside it. The mean of both has the mean height of the elements.
 fn smooth(chain: &Chain, yarn: u32, lattice: &Lattice) -> PlyCurve {
     let mut curve = PlyCurve::through(yarn, chain.radius_um, chain.shift, &chain.points_um, lattice);
     for (control, node) in curve.control_um.iter_mut().zip(&chain.points_um) {
@@ -324,13 +342,13 @@ fn smooth(chain: &Chain, yarn: u32, lattice: &Lattice) -> PlyCurve {
     curve
 }
 
-/// Chains of curves that were read.
+/// The starting chains of curves from a file.
 fn start_of(curves: &ClothCurves, lattice: Lattice, yarns: &[&YarnOfCloth]) -> Start {
     let chains = curves
         .curves
         .iter()
         .map(|curve| {
-            // The kinds of the file are those of the spec.
+            // `check_kinds` has ensured that the spec has this kind.
             let yarn = yarns[curves.yarns[curve.yarn as usize].kind as usize];
             let nodes = nodes_of(curve, &lattice);
             let knots = curve.control_um.len() as f64;
@@ -341,17 +359,17 @@ fn start_of(curves: &ClothCurves, lattice: Lattice, yarns: &[&YarnOfCloth]) -> S
                 radius_um: curve.radius_um,
                 tension: yarn.tension,
                 bending: yarn.stiffness * yarn.tension * curve.radius_um * curve.radius_um,
-                // Curves of other programs keep the length of their yarn.
+                // Curves of other programs keep the length of their yarns.
                 length_um: Some(curve.length_um(&lattice)),
             }
         })
         .collect();
-    let elements = Elements { lattice, chains, stations: Vec::new(), thickness_um: None };
+    let elements = Elements { lattice, chains, sections: Vec::new(), thickness_um: None };
     let of_chain = curves.curves.iter().map(|c| c.yarn).collect();
     Start { elements, yarns: curves.yarns.clone(), of_chain, twists: Vec::new() }
 }
 
-/// Nodes of a curve that was read.
+/// Number of nodes for a curve from a file.
 fn nodes_of(curve: &PlyCurve, lattice: &Lattice) -> usize {
     ((curve.length_um(lattice) / (super::woven::ELEMENT[0] * curve.radius_um)).ceil().min(1e9) as usize).max(8)
 }

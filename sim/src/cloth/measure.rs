@@ -1,20 +1,23 @@
-//! What a weaver measures of a cloth: crimp, width and height of its yarns, thickness, cover, mass.
+//! Measures of a cloth as weavers know them: crimp, width and height of its yarns, thickness, cover, mass.
+//!
+//! Lengths and sections follow from the splines, cover from lines along the normal, mass from the counts of
+//! the yarns, and overlap from distances between short straight pieces. [`ClothSolid`] finds the ply at a
+//! point.
 
-use plywave::cloth::{
-    Buckets, ClothCurves, ClothLines, ClothYarn, Lattice, LineHits, PlyCurve, YarnOfCloth, whole_times,
-};
+use plywave::cloth::{Buckets, ClothCurves, ClothLines, ClothYarn, Lattice, LineHits, PlyCurve, whole_times};
 use plywave::math::vec3::{cross, dot, sub, unit};
+use plywave_textile::YarnOfCloth;
 use serde::Serialize;
 
-/// Sections of a yarn that are measured in one period.
+/// Number of sections of a yarn that are measured in one period.
 const SECTIONS: usize = 64;
-/// Lines along which the cover is measured, and the steps of their places over the cell (the plastic number's
-/// powers: M. Roberts, "The unreasonable effectiveness of quasirandom sequences", 2018).
+/// Number of lines along which the cover is measured, and the steps of their places over the cell (powers of
+/// the plastic number: M. Roberts, "The unreasonable effectiveness of quasirandom sequences", 2018).
 const LINES: usize = 40_000;
 const STEPS: [f64; 2] = [0.754_877_666_246_692_8, 0.569_840_290_998_053_3];
 /// Samples of a curve from knot to knot.
 const SAMPLES: usize = 2;
-/// Curvature of a strand that counts as straight, over one per its radius.
+/// Product of curvature and radius below which a strand counts as straight.
 const STRAIGHT: f64 = 1e-6;
 
 /// Measures of the yarns of one kind.
@@ -26,32 +29,32 @@ pub struct YarnMeasures {
     pub crimp: f64,
     /// Length of the axis in one cell [um].
     pub length_um: f64,
-    /// Mean width, in the plane of the cloth, and height of the yarn's sections [um].
+    /// Mean width of the yarn's sections in the plane of the cloth [um].
     pub width_um: f64,
-    /// Mean height of its sections [um].
+    /// Mean height of the yarn's sections [um].
     pub height_um: f64,
-    /// Radius of its plies or bundles, the mean of the curves [um].
+    /// Mean radius of its plies or bundles over the curves [um].
     pub strand_radius_um: f64,
-    /// Plies or bundles of a yarn.
+    /// Number of plies or bundles of a yarn.
     pub strands: usize,
-    /// Least radius of curvature of a ply or bundle over its radius; infinite where all are straight.
+    /// Minimum radius of curvature of a ply or bundle over its radius; infinite if all are straight.
     pub least_bend: f64,
 }
 
 /// Measures of a cloth.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct ClothMeasures {
-    /// By kind of yarn.
+    /// Measures of the yarns, one entry for each kind.
     pub yarns: Vec<YarnMeasures>,
-    /// From the lowest to the highest ply [um].
+    /// Distance from the lowest to the highest point of the plies [um].
     pub thickness_um: f64,
-    /// Share of the area that no ply covers, seen along the normal.
+    /// Share of the area that no ply covers, viewed along the normal.
     pub openness: f64,
-    /// Mass of an area [g/m2].
+    /// Mass per area [g/m2].
     pub mass_g_per_m2: f64,
-    /// Largest overlap of two plies over their mean radius.
+    /// Maximum overlap of two plies over their mean radius.
     pub overlap: f64,
-    /// The yarns of these plies, by their index; one of them twice where a yarn overlaps itself or its image.
+    /// Indices of the yarns of these two plies, equal if a yarn overlaps itself or its image.
     pub overlap_yarns: [u32; 2],
 }
 
@@ -59,11 +62,11 @@ fn norm(a: [f64; 3]) -> f64 {
     dot(a, a).sqrt()
 }
 
-/// A yarn of the cell: its curves, each once for every period of the yarn on it.
+/// A yarn of the cell: its curves, each repeated for every period of the yarn along it.
 struct Strands<'a> {
     lattice: &'a Lattice,
     yarn: &'a ClothYarn,
-    /// Curve, and period on it.
+    /// Pairs of a curve and the period along it.
     all: Vec<(&'a PlyCurve, usize)>,
 }
 
@@ -75,7 +78,7 @@ impl<'a> Strands<'a> {
         Strands { lattice, yarn, all }
     }
 
-    /// A strand at `s`, which grows by 1 along the yarn's period.
+    /// Point of a strand [um] and its derivative at `s`, which grows by 1 over the yarn's period.
     fn at(&self, (curve, period): (&PlyCurve, usize), s: f64) -> ([f64; 3], [f64; 3]) {
         let knots = curve.control_um.len() as f64 / curve.turns(self.yarn) as f64;
         let place = curve.at(self.lattice, (s + period as f64) * knots);
@@ -84,7 +87,7 @@ impl<'a> Strands<'a> {
         ([x + back[0], y + back[1], z], place.d_um.map(|d| d * knots))
     }
 
-    /// The axis, the mean of the strands.
+    /// Point of the yarn's axis at `s`, the mean of the strands [um].
     fn axis(&self, s: f64) -> [f64; 3] {
         let points = self.all.iter().map(|strand| self.at(*strand, s).0);
         let sum = points.fold([0.0; 3], |sum, p| std::array::from_fn(|k| sum[k] + p[k]));
@@ -119,36 +122,43 @@ impl<'a> Strands<'a> {
 }
 
 /// A short straight piece of a curve.
-struct Piece {
+struct MeasuredPiece {
     from: [f64; 3],
     to: [f64; 3],
     radius: f64,
     curve: usize,
-    /// Its number on the curve.
+    /// Number of the piece on the curve.
     number: usize,
 }
 
-fn pieces(cloth: &ClothCurves, lattice: &Lattice) -> Vec<Piece> {
+fn pieces(cloth: &ClothCurves, lattice: &Lattice) -> Vec<MeasuredPiece> {
     let mut pieces = Vec::new();
     for (index, curve) in cloth.curves.iter().enumerate() {
         let count = SAMPLES * curve.control_um.len();
         let at = |i: usize| curve.at(lattice, i as f64 / SAMPLES as f64).point_um;
         for number in 0..count {
-            pieces.push(Piece { from: at(number), to: at(number + 1), radius: curve.radius_um, curve: index, number });
+            pieces.push(MeasuredPiece {
+                from: at(number),
+                to: at(number + 1),
+                radius: curve.radius_um,
+                curve: index,
+                number,
+            });
         }
     }
     pieces
 }
 
-/// Largest distance of a piece's middle from its wall [um].
-fn reach_of(pieces: &[Piece]) -> f64 {
+/// Maximum distance of a piece's middle from its wall [um].
+fn reach_of(pieces: &[MeasuredPiece]) -> f64 {
     pieces.iter().map(|p| p.radius + 0.5 * norm(sub(p.to, p.from))).fold(0.0, f64::max)
 }
 
-/// Measures a cloth. `yarns` are those of its spec, by kind; without one the mass is that of the others.
+/// Measures a cloth. `yarns` are those of its spec, by kind; kinds that are absent add nothing to the mass.
 ///
 /// # Errors
-/// As [`ClothLines::new`], and for curves of which each reaches over many others.
+/// The errors of [`ClothLines::new`], and [`plywave::Error::Invalid`] for curves so long or thick that each
+/// reaches over many others.
 pub fn measure(cloth: &ClothCurves, lattice: &Lattice, yarns: &[&YarnOfCloth]) -> plywave::Result<ClothMeasures> {
     let lines = ClothLines::new(cloth)?;
     let pieces = pieces(cloth, lattice);
@@ -171,7 +181,7 @@ pub fn measure(cloth: &ClothCurves, lattice: &Lattice, yarns: &[&YarnOfCloth]) -
         .map(|curve| {
             let spec = yarns.get(cloth.yarns[curve.yarn as usize].kind as usize);
             let tex = spec.map_or(0.0, |spec| tex_of_strand(spec, strands_of(cloth, curve.yarn as usize)));
-            // Grams a kilometer times um over um2.
+            // 1 g/km is 1e-9 g/um, and 1e-9 g/um2 are 1e3 g/m2.
             1e3 * tex * curve.length_um(lattice) / lattice.area_um2()
         })
         .sum();
@@ -186,14 +196,14 @@ pub fn measure(cloth: &ClothCurves, lattice: &Lattice, yarns: &[&YarnOfCloth]) -
     })
 }
 
-/// Number of strands of a yarn: its curves, each as often as the yarn meets itself on it.
+/// Number of strands of a yarn: its curves, each counted once for every period of the yarn along it.
 pub(super) fn strands_of(cloth: &ClothCurves, index: usize) -> usize {
     let of = cloth.curves.iter().filter(|curve| curve.yarn as usize == index);
     of.map(|curve| curve.turns(&cloth.yarns[index])).sum()
 }
 
-/// Grams a kilometer of each of so many strands of a yarn. Several have the count of the yarn between them; a
-/// lone one is one ply or bundle.
+/// Linear density [g/km] of each strand. Several strands share the count of the yarn; a lone strand stands
+/// for one ply or bundle.
 pub(super) fn tex_of_strand(spec: &YarnOfCloth, strands: usize) -> f64 {
     match strands {
         0 | 1 => spec.strand_tex(),
@@ -235,7 +245,7 @@ fn yarns_of(cloth: &ClothCurves, lattice: &Lattice, kind: u32) -> YarnMeasures {
     }
     YarnMeasures {
         kind,
-        // A straight yarn is shorter than straight by rounding.
+        // Rounding can make the crimp of a straight yarn slightly negative.
         crimp: (length / straight - 1.0).max(0.0),
         length_um: length,
         width_um: size[0] / count,
@@ -246,7 +256,7 @@ fn yarns_of(cloth: &ClothCurves, lattice: &Lattice, kind: u32) -> YarnMeasures {
     }
 }
 
-/// Share of lines along the normal that pass beside all plies.
+/// Share of lines along the normal that hit no ply.
 fn openness(lattice: &Lattice, lines: &ClothLines) -> f64 {
     let [a, b] = lattice.cell_um;
     let top = lines.half_thickness_um();
@@ -260,12 +270,12 @@ fn openness(lattice: &Lattice, lines: &ClothLines) -> f64 {
     (0..LINES).filter(|line| is_open(*line)).count() as f64 / LINES as f64
 }
 
-/// Largest overlap of two curves over their mean radius, by distances from the ends and middles of short
-/// pieces to other pieces, and the yarns of these curves.
-fn overlap(cloth: &ClothCurves, lattice: &Lattice, pieces: &[Piece]) -> (f64, [u32; 2]) {
-    let middle = |p: &Piece| -> [f64; 3] { std::array::from_fn(|k| 0.5 * (p.from[k] + p.to[k])) };
+/// Maximum overlap of two curves over their mean radius, from the distances of the ends and middles of short
+/// pieces to other pieces, with the indices of the curves' yarns.
+fn overlap(cloth: &ClothCurves, lattice: &Lattice, pieces: &[MeasuredPiece]) -> (f64, [u32; 2]) {
+    let middle = |p: &MeasuredPiece| -> [f64; 3] { std::array::from_fn(|k| 0.5 * (p.from[k] + p.to[k])) };
     let points: Vec<[f64; 3]> = pieces.iter().map(middle).collect();
-    let half = |p: &Piece| 0.5 * norm(sub(p.to, p.from));
+    let half = |p: &MeasuredPiece| 0.5 * norm(sub(p.to, p.from));
     let buckets = Buckets::new(lattice, &points, 2.0 * reach_of(pieces));
     let (mut largest, mut yarns) = (0.0f64, [0; 2]);
     for (i, piece) in pieces.iter().enumerate() {
@@ -274,7 +284,7 @@ fn overlap(cloth: &ClothCurves, lattice: &Lattice, pieces: &[Piece]) -> (f64, [u
             let other = &pieces[j];
             let by = lattice.vector(cells);
             if piece.curve == other.curve {
-                // A place of the same strand that is near along it touches nothing.
+                // Pieces of the same strand that are close along it do not count as overlapping.
                 if let Some(k) = whole_times(cells, curve.shift) {
                     let count = (SAMPLES * curve.control_um.len()) as i64;
                     let steps = (other.number as i64 + i64::from(k) * count - piece.number as i64).abs();
@@ -300,19 +310,19 @@ fn overlap(cloth: &ClothCurves, lattice: &Lattice, pieces: &[Piece]) -> (f64, [u
     (largest, yarns)
 }
 
-/// Which ply holds a point of the cloth, and which lies on top.
+/// Point queries on a cloth: the ply that contains a point, and the ply on top.
 pub struct ClothSolid {
     lattice: Lattice,
-    pieces: Vec<Piece>,
+    pieces: Vec<MeasuredPiece>,
     buckets: Buckets,
     lines: ClothLines,
 }
 
 impl ClothSolid {
-    /// Of a cloth.
+    /// Prepares the queries of a cloth.
     ///
     /// # Errors
-    /// As [`ClothCurves::check`].
+    /// The errors of [`ClothCurves::check`].
     pub fn new(cloth: &ClothCurves) -> plywave::Result<ClothSolid> {
         let lines = ClothLines::new(cloth)?;
         let lattice = cloth.lattice("cloth")?;
@@ -322,8 +332,8 @@ impl ClothSolid {
         Ok(ClothSolid { lattice, pieces, buckets, lines })
     }
 
-    /// The curve that holds a point [um], and the distance from its axis over its radius; the one whose axis
-    /// is nearest where plies overlap.
+    /// The curve whose ply contains a point [um], and the distance from its axis over its radius. If plies
+    /// overlap, the one with the smallest such distance is returned.
     pub fn ply_at(&self, point: [f64; 3]) -> Option<(usize, f64)> {
         let mut best: Option<(usize, f64)> = None;
         self.buckets.near(point, |i, cells| {
@@ -333,15 +343,15 @@ impl ClothSolid {
             let d = sub(piece.to, piece.from);
             let t = (dot(w, d) / dot(d, d).max(1e-12)).clamp(0.0, 1.0);
             let off = norm([w[0] - t * d[0], w[1] - t * d[1], w[2] - t * d[2]]) / piece.radius;
-            if off < 1.0 && best.is_none_or(|(_, least)| off < least) {
+            if off < 1.0 && best.is_none_or(|(_, min)| off < min) {
                 best = Some((piece.curve, off));
             }
         });
         best
     }
 
-    /// The ply on top at a point of the plane [um], seen from the face: its curve, the height of its wall and
-    /// the unit normal there.
+    /// The ply on top at a point of the plane [um], viewed from the face: its curve, the height of its wall
+    /// [um] and the unit normal there.
     pub fn top_at(&self, [x, y]: [f64; 2]) -> Option<(usize, f64, [f64; 3])> {
         let top = self.lines.half_thickness_um();
         let mut hits = LineHits::default();

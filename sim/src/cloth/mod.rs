@@ -1,8 +1,9 @@
-//! The making of a cloth: from a spec to the curves of its plies, and to all that shading needs.
+//! Construction of a cloth: from a spec to the curves of its plies, and to the tables that shade them.
 //!
-//! A draft (`woven`) or a grid of stitches (`knitted`) gives a start, `relax` the least energy, and
-//! [`measure`] says what a weaver would measure. Curves of other programs come from and go to files (`bcc`,
-//! `tg3`). `ready` finds shadows, the light between plies and the mean over the cell.
+//! A draft (`woven`) or a grid of stitches (`knitted`) gives the starting curves. `relax` minimizes their
+//! energy, and [`measure`] computes what a weaver would measure. Curves of other programs are read from and
+//! written to files (`bcc`, `tg3`). [`precompute`](fn@precompute) finds shadows, inter-yarn scattering and
+//! the mean over the cell.
 
 mod bcc;
 mod files;
@@ -12,8 +13,7 @@ mod knit;
 mod knitted;
 mod make;
 mod measure;
-mod minimize;
-mod ready;
+mod precompute;
 mod relax;
 mod tg3;
 mod woven;
@@ -22,5 +22,5 @@ pub use files::{CurveFormat, write_curves};
 pub use hairs::{Hair, HairKind, HairRoots};
 pub use make::{MAX_FORCE, MadeCloth, make_cloth};
 pub use measure::{ClothMeasures, ClothSolid, YarnMeasures, measure};
-pub use ready::{ClothStep, Effort, Told, make_ready};
+pub use precompute::{ClothStep, Effort, Progress, precompute};
 pub use relax::{MAX_OVERLAP, Relaxed};

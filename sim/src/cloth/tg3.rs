@@ -1,16 +1,17 @@
-//! Models of TexGen (`.tg3`): XML with the yarns of a textile. Of the many elements that TexGen writes
-//! these are read: `Textile` (GeometryScale), `Interpolation` (type), `MasterNode` (Position, Up), `Repeat`
-//! (value), the sections of `YarnSection` (type, Width and Height). TexGen: L. P. Brown and A. C. Long,
-//! "Modelling the geometry of textile reinforcements for composites: TexGen", in P. Boisse (ed.), Composite
-//! reinforcements for optimum performance, 2nd ed. (2021).
+//! Reader and writer of TexGen models (`.tg3`): XML with the yarns of a textile.
+//!
+//! The reader uses these elements: `Textile` (GeometryScale), `Interpolation` (type), `MasterNode` (Position,
+//! Up), `Repeat` (value), and the sections of `YarnSection` (type, Width and Height). It ignores all others.
+//! TexGen: L. P. Brown and A. C. Long, "Modelling the geometry of textile reinforcements for composites:
+//! TexGen", in P. Boisse (ed.), Composite reinforcements for optimum performance, 2nd ed. (2021).
 
 use roxmltree::{Document, Node, ParsingOptions};
 use std::fmt::Write;
 
-/// Most yarns, and most nodes of all.
+/// Maximum number of nodes over all yarns.
 const MAX_NODES: usize = 1 << 20;
 
-/// Units of lengths by the names that models have for them, in um.
+/// Units of length by their names in models, in um.
 const UNITS: &[(&str, f64)] = &[
     ("mm", 1e3),
     ("m", 1e6),
@@ -31,14 +32,14 @@ pub(super) struct Tg3Yarn {
     pub nodes: Vec<[f64; 3]>,
     /// Direction that is up in the section of each node.
     pub ups: Vec<[f64; 3]>,
-    /// Vectors by which the yarn repeats.
+    /// Translation vectors by which the yarn repeats.
     pub repeats: Vec<[f64; 3]>,
-    /// Size of its section; 0 where the file has none of width and height.
+    /// Mean width and height of its sections; 0 if the file has none.
     pub width: f64,
     pub height: f64,
     /// Whether all of its sections are ellipses.
     pub is_elliptical: bool,
-    /// Whether its nodes are joined by cubic curves.
+    /// Whether its nodes are interpolated by cubic curves.
     pub is_cubic: bool,
 }
 
@@ -46,13 +47,13 @@ pub(super) struct Tg3Yarn {
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Tg3 {
     pub name: String,
-    /// Unit of its lengths.
+    /// Name of the unit of its lengths.
     pub scale: String,
     pub yarns: Vec<Tg3Yarn>,
 }
 
 impl Tg3 {
-    /// Micrometers of its unit; `None` of one that is not known.
+    /// Its unit of length [um]; `None` if the name is unknown.
     pub fn um_per_unit(&self) -> Option<f64> {
         UNITS.iter().find(|(name, _)| self.scale.trim().eq_ignore_ascii_case(name)).map(|(_, um)| *um)
     }
@@ -74,11 +75,11 @@ fn number(node: Node<'_, '_>, name: &str) -> f64 {
     value.unwrap_or(0.0).max(0.0)
 }
 
-/// Reads a file; what is wrong with it otherwise, in words. Of several textiles the first counts.
+/// Reads the first textile of a file. The error describes what is wrong with the file.
 pub(super) fn read(text: &str) -> Result<Tg3, String> {
     let options = ParsingOptions { nodes_limit: 1 << 24, ..ParsingOptions::default() };
     let document = Document::parse_with_options(text, options).map_err(|e| {
-        // It quotes the text.
+        // The parser's message quotes the text and can be long.
         let what = plywave::one_line(&e.to_string(), 160);
         format!("it is not XML: {what}")
     })?;
@@ -88,13 +89,13 @@ pub(super) fn read(text: &str) -> Result<Tg3, String> {
     let mut count = 0;
     for yarn in textile.children().filter(|node| node.has_tag_name("Yarn")) {
         let nodes = yarn.children().filter(|node| node.has_tag_name("MasterNode"));
-        // Without a direction a section stands upright.
+        // A section without a direction stands upright.
         let up = |node: Node<'_, '_>| numbers(node, "Up").unwrap_or([0.0, 0.0, 1.0]);
         let (nodes, ups): (Vec<_>, Vec<_>) = nodes.map(|node| (numbers(node, "Position"), up(node))).unzip();
         let nodes = nodes.into_iter().collect::<Result<Vec<_>, _>>()?;
         let repeats = yarn.children().filter(|node| node.has_tag_name("Repeat"));
         let repeats = repeats.map(|node| numbers(node, "value")).collect::<Result<Vec<_>, _>>()?;
-        // A section that changes along the yarn counts by its mean.
+        // A section that changes along the yarn is replaced by its mean.
         let sections: Vec<Node<'_, '_>> = yarn.descendants().filter(|node| node.has_tag_name("Section")).collect();
         let count_of = sections.len().max(1) as f64;
         let [width, height] = ["Width", "Height"]
@@ -119,8 +120,8 @@ pub(super) fn read(text: &str) -> Result<Tg3, String> {
     Ok(Tg3 { name: textile.attribute("name").unwrap_or_default().into(), scale, yarns })
 }
 
-/// The text of a file: constant elliptical sections, periodic cubic curves, a box of one period as domain.
-/// Opened with TexGen 3.14.
+/// Writes a file with constant elliptical sections, periodic cubic curves and a box of one period as domain.
+/// TexGen 3.14 opens it.
 pub(super) fn write(tg3: &Tg3) -> String {
     let name: String = tg3.name.chars().filter(|c| !"<>&\"'".contains(*c) && !c.is_control()).collect();
     let xyz = |p: &[f64; 3]| format!("{:?}, {:?}, {:?}", p[0], p[1], p[2]);
@@ -144,7 +145,7 @@ pub(super) fn write(tg3: &Tg3) -> String {
     }
     line(format_args!("</Domain>"));
     for (index, yarn) in tg3.yarns.iter().enumerate() {
-        // TexGen takes so many points of the whole center line.
+        // TexGen samples the whole center line at so many points.
         let samples = (6 * yarn.nodes.len()).clamp(20, 100_000);
         let points = format_args!("NumSlaveNodes=\"{samples}\" NumSectionPoints=\"40\"");
         line(format_args!("<Yarn index=\"{index}\" {points} NeedsBuilding=\"7\">"));

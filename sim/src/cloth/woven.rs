@@ -1,30 +1,44 @@
-//! The start of a woven cloth: from a draft and its yarns to chains that do not yet touch as they should.
+//! Starting chains of a woven cloth, from its draft and its yarns, before they are relaxed.
 //!
-//! The cell is the least that the draft allows: a five-end satin is one end and one pick, moved by two picks
-//! from end to end, and not five of each.
+//! The cell is the smallest that the draft allows: that of a five-end satin has one end and one pick, shifted
+//! from end to end, instead of five of each.
 
-use super::relax::{Chain, Elements};
-use plywave::cloth::{ClothYarn, Draft, Lattice, YarnOfCloth};
+use super::relax::{Chain, Elements, Hold, Section};
+use plywave::cloth::{ClothYarn, Lattice};
+use plywave_textile::{Draft, YarnOfCloth};
 use std::f64::consts::{PI, TAU};
 
-/// Length of an element over its strand's radius: of plies, and of bundles.
+/// Length of an element over its strand's radius, for plies and for bundles.
 pub(super) const ELEMENT: [f64; 2] = [0.33, 0.6];
 
-/// Most nodes of a cloth that is relaxed: some minutes of work.
-pub(super) const MAX_NODES: f64 = 5e5;
+/// Maximum number of nodes of a cloth that is relaxed, of plies and of bundles: the factor of its Hessian and
+/// the rest take about 6 and 20 kB a node, so 8 GiB together.
+const MAX_NODES: [f64; 2] = [1.2e6, 4e5];
 
-/// Chains with the yarns that they belong to.
+/// Maximum number of nodes of a cloth of these yarns.
+pub(super) fn max_nodes(yarns: &[&YarnOfCloth]) -> f64 {
+    MAX_NODES[usize::from(yarns.iter().any(|yarn| yarn.bundles > 1))]
+}
+
+/// Coefficient of friction of yarn on yarn: chosen within the values that textbooks give for fibers on
+/// fibers, from 0.1 (wool along its scales) to 0.6 (against them).
+const FRICTION: f64 = 0.25;
+/// Displacement at which a yarn slides, over its radius. Chosen: until then its fibers and those of the yarns
+/// that cross it shear.
+const SLIP: f64 = 0.5;
+
+/// Starting chains with the yarns that they belong to.
 pub(super) struct Start {
     pub elements: Elements,
     pub yarns: Vec<ClothYarn>,
     /// Yarn of each chain.
     pub of_chain: Vec<u32>,
-    /// Kind of each yarn of several strands, and its twist as it closes [turns/um].
+    /// Kind of each yarn of several strands, with its twist rounded to the period [turns/um].
     pub twists: Vec<(u32, f64)>,
 }
 
-/// Least cell of a draft in ends and picks: the vectors (i, j) and (0, k).
-fn least_cell(draft: &Draft) -> [usize; 3] {
+/// Minimal cell `[i, j, k]` of a draft, spanned by the vectors (i, j) and (0, k) in ends and picks.
+fn minimal_cell(draft: &Draft) -> [usize; 3] {
     let (ends, picks) = (draft.ends(), draft.picks());
     let is_same = |i: usize, j: usize| {
         (0..picks).all(|p| (0..ends).all(|e| draft.up(p, e) == draft.up((p + j) % picks, (e + i) % ends)))
@@ -35,9 +49,9 @@ fn least_cell(draft: &Draft) -> [usize; 3] {
     [i, j, k]
 }
 
-/// Estimate of the nodes of a draft's least cell.
+/// Estimated number of nodes of a draft's minimal cell.
 pub(super) fn nodes(draft: &Draft, yarns: [&YarnOfCloth; 2], spacing_um: [f64; 2]) -> f64 {
-    let [i, _, k] = least_cell(draft);
+    let [i, _, k] = minimal_cell(draft);
     let crossings = (i * k) as f64;
     let of = |set: usize| {
         let yarn = yarns[set];
@@ -55,7 +69,8 @@ fn gcd(a: usize, b: usize) -> usize {
     if b == 0 { a } else { gcd(b, a % b) }
 }
 
-/// Height of a yarn `u` um along it: over crossings `spacing` apart it lies `amplitude` up or down.
+/// Height of a yarn at `u` along it: at crossings `spacing` apart it lies `amplitude` up or down, with cosine
+/// transitions in between. All values are in um.
 fn height(amplitude: f64, spacing: f64, is_up: &dyn Fn(i64) -> bool, u: f64) -> f64 {
     let f = u / spacing - 0.5;
     let crossing = f.floor();
@@ -64,13 +79,21 @@ fn height(amplitude: f64, spacing: f64, is_up: &dyn Fn(i64) -> bool, u: f64) -> 
     (1.0 - w) * at(crossing as i64) + w * at(crossing as i64 + 1)
 }
 
-/// The start of a draft with the yarns of warp and weft, and the distances from axis to axis [um].
-/// `None` for vectors that span no cell, which distances above 0 exclude.
+/// Maximum force of friction on a yarn over its length [force/um]. Where a yarn of tension T passes from one
+/// side of the cloth to the other at an angle theta, it presses with 2 T sin theta on those that it crosses.
+/// `apart_um` is the sum of the radii, `spacing_um` that of the crossings, `turns` the share of them after
+/// which the yarn changes sides.
+fn friction(tension: f64, apart_um: f64, spacing_um: f64, turns: f64) -> f64 {
+    FRICTION * 2.0 * tension * apart_um / apart_um.hypot(spacing_um) * turns / spacing_um
+}
+
+/// Lays out the starting chains of a draft with the yarns of warp and weft and the spacings of their axes
+/// [um]. Returns `None` if the vectors span no cell, which cannot happen for spacings above 0.
 pub(super) fn woven(draft: &Draft, yarns: [&YarnOfCloth; 2], spacing_um: [f64; 2]) -> Option<Start> {
-    let [i, j, k] = least_cell(draft);
+    let [i, j, k] = minimal_cell(draft);
     let [sx, sy] = spacing_um;
     let lattice = Lattice::new([[i as f64 * sx, j as f64 * sy], [0.0, k as f64 * sy]])?;
-    let elements = Elements { lattice, chains: Vec::new(), stations: Vec::new(), thickness_um: None };
+    let elements = Elements { lattice, chains: Vec::new(), sections: Vec::new(), thickness_um: None };
     let mut start = Start { elements, yarns: Vec::new(), of_chain: Vec::new(), twists: Vec::new() };
     let apart = yarns[0].radius_um() + yarns[1].radius_um();
     // The looser yarn bends more.
@@ -82,9 +105,11 @@ pub(super) fn woven(draft: &Draft, yarns: [&YarnOfCloth; 2], spacing_um: [f64; 2
         let yarn = ClothYarn { kind: 0, number: end as i32, step: [i as i32, 0], period: [0, 1] };
         let up = |pick: i64| draft.up(pick.rem_euclid(picks) as usize, end);
         let z = |u: f64| height(amplitude[0], sy, &up, u);
-        start.add(yarns[0], yarn, [(end as f64 + 0.5) * sx, 0.0], z);
+        let turns = (0..picks).filter(|pick| up(*pick) != up(pick + 1)).count() as f64 / picks as f64;
+        let grip = friction(tension[0], apart, sy, turns);
+        start.add(yarns[0], yarn, [(end as f64 + 0.5) * sx, 0.0], grip, z);
     }
-    // A pick that goes on through the cells on its right is another pick of theirs.
+    // A pick that continues into the cells to its right is another pick there.
     let wefts = gcd(j, k);
     let cells = (k / wefts) as i32;
     for pick in 0..wefts {
@@ -92,46 +117,52 @@ pub(super) fn woven(draft: &Draft, yarns: [&YarnOfCloth; 2], spacing_um: [f64; 2
         let yarn = ClothYarn { kind: 1, number: pick as i32, step: [j as i32, k as i32], period };
         let up = |end: i64| !draft.up(pick, end.rem_euclid(ends) as usize);
         let z = |u: f64| height(amplitude[1], sx, &up, u);
-        start.add(yarns[1], yarn, [0.0, (pick as f64 + 0.5) * sy], z);
+        let turns = (0..ends).filter(|end| up(*end) != up(end + 1)).count() as f64 / ends as f64;
+        let grip = friction(tension[1], apart, sx, turns);
+        start.add(yarns[1], yarn, [0.0, (pick as f64 + 0.5) * sy], grip, z);
     }
     Some(start)
 }
 
 impl Start {
-    /// Adds the strands of a yarn that is straight in the plane: its axis starts at `from` and has the height
-    /// `z` along it [um].
-    fn add(&mut self, spec: &YarnOfCloth, yarn: ClothYarn, from: [f64; 2], z: impl Fn(f64) -> f64) {
+    /// Adds the strands of a yarn that is straight in the plane. Its axis starts at `from` [um]; `z` returns
+    /// its height at a length along it [um], `grip` is its friction [force/um].
+    fn add(&mut self, spec: &YarnOfCloth, yarn: ClothYarn, from: [f64; 2], grip: f64, z: impl Fn(f64) -> f64) {
         let way = self.elements.lattice.vector(yarn.period);
         let period_um = way[0].hypot(way[1]);
         let along = way.map(|v| v / period_um);
         let axis = |s: f64| {
-            // Across is to the left of the way, seen from above.
+            // The direction across points to the left of the yarn, viewed from above.
             let u = s * period_um;
             (
                 [from[0] + u * along[0], from[1] + u * along[1], z(s.rem_euclid(1.0) * period_um)],
                 [-along[1], along[0], 0.0],
             )
         };
-        self.add_along(spec, yarn, period_um, axis);
+        let across = [-along[1], along[0]];
+        let line_um = across[0] * from[0] + across[1] * from[1];
+        let slip_um = SLIP * spec.radius_um();
+        let hold = (grip > 0.0).then_some(Hold { across, line_um, slip_um, force_per_um: grip });
+        self.add_along(spec, yarn, period_um, hold, axis);
     }
 
-    /// Adds the strands of a yarn about an axis: `axis` gives point and the unit vector across at `s`, which
-    /// grows by 1 a period and may go on beyond it. `length_um` is that of a period.
+    /// Adds the strands of a yarn about an axis. `axis` returns the point and the unit vector across at `s`,
+    /// which grows by 1 over a period and may exceed it. `length_um` is the length of a period.
     pub fn add_along(
         &mut self,
         spec: &YarnOfCloth,
         yarn: ClothYarn,
         length_um: f64,
+        hold: Option<Hold>,
         axis: impl Fn(f64) -> ([f64; 3], [f64; 3]),
     ) {
         let radius_um = spec.strand_radius_um();
         let places: Vec<[f64; 2]> = spec.section().iter().map(|p| p.map(|v| v * radius_um)).collect();
         let count = places.len();
         let nodes = ((length_um / element_um(spec)).ceil() as usize).max(8);
-        // The twist is rounded to one by which the section comes back to itself after a period.
+        // The twist is rounded so that the section maps onto itself after a period.
         let symmetry = f64::from(spec.symmetry());
-        let parts = if count > 1 { (spec.twist_per_um() * length_um * symmetry).round() } else { 0.0 };
-        let turn = TAU * parts / symmetry;
+        let turn = if count > 1 { spec.twist().closed_rad(length_um, symmetry, 0.0) } else { 0.0 };
         let turned = |p: [f64; 2], angle: f64| {
             let (sin, cos) = angle.sin_cos();
             [p[0] * cos - p[1] * sin, p[0] * sin + p[1] * cos]
@@ -142,7 +173,7 @@ impl Start {
             (0..count).min_by(|a, b| off(*a).total_cmp(&off(*b))).unwrap_or(k)
         };
         let tension = if spec.crimp_percent.is_some() { 1.0 } else { spec.tension } / count as f64;
-        // By strand: its chain, and after how many periods along it.
+        // `[strand]`: its chain, and its number of periods along that chain.
         let mut of: Vec<Option<(usize, usize)>> = vec![None; count];
         let index = self.yarns.len() as u32;
         for first in 0..count {
@@ -179,16 +210,20 @@ impl Start {
         }
         self.yarns.push(yarn);
         if count > 1 {
-            self.twists.push((yarn.kind, parts / symmetry / length_um));
-            let yarn_radius = spec.radius_um();
-            let cohesion = spec.cohesion * tension / (yarn_radius * yarn_radius);
-            for i in 0..nodes {
-                let station = of
-                    .iter()
-                    .flatten()
-                    .map(|(chain, periods)| (*chain, periods * nodes + i, yarn.period.map(|p| -(*periods as i32) * p)));
-                self.elements.stations.push((station.collect(), cohesion, length_um / nodes as f64));
-            }
+            self.twists.push((yarn.kind, turn / TAU / length_um));
+        }
+        if count == 1 && hold.is_none() {
+            return;
+        }
+        let yarn_radius = spec.radius_um();
+        let cohesion = if count > 1 { spec.cohesion * tension / (yarn_radius * yarn_radius) } else { 0.0 };
+        for i in 0..nodes {
+            let station = of
+                .iter()
+                .flatten()
+                .map(|(chain, periods)| (*chain, periods * nodes + i, yarn.period.map(|p| -(*periods as i32) * p)));
+            let length_um = length_um / nodes as f64;
+            self.elements.sections.push(Section { station: station.collect(), cohesion, length_um, hold });
         }
     }
 }
@@ -197,16 +232,16 @@ impl Start {
 mod tests {
     use super::*;
 
-    /// A least cell moves the draft onto itself, and no smaller one does.
+    /// The minimal cell maps the draft onto itself, and no smaller one does.
     #[test]
     fn least_cells_are_those_of_weavers() {
-        assert_eq!(least_cell(&Draft::plain()), [1, 1, 2]);
-        assert_eq!(least_cell(&Draft::satin(5, 2).unwrap()), [1, 3, 5]);
-        assert_eq!(least_cell(&Draft::twill(3, 1).unwrap()), [1, 1, 4]);
-        assert_eq!(least_cell(&Draft::hopsack(2, 2).unwrap()), [2, 2, 4]);
-        assert_eq!(least_cell(&Draft::layers()), [1, 0, 1]);
-        // Twice a plain weave, written out.
+        assert_eq!(minimal_cell(&Draft::plain()), [1, 1, 2]);
+        assert_eq!(minimal_cell(&Draft::satin(5, 2).unwrap()), [1, 3, 5]);
+        assert_eq!(minimal_cell(&Draft::twill(3, 1).unwrap()), [1, 1, 4]);
+        assert_eq!(minimal_cell(&Draft::hopsack(2, 2).unwrap()), [2, 2, 4]);
+        assert_eq!(minimal_cell(&Draft::layers()), [1, 0, 1]);
+        // Several repeats of a plain weave, written out.
         let wide = Draft::from_fn(4, 6, |pick, end| (pick + end) % 2 == 0).unwrap();
-        assert_eq!(least_cell(&wide), [1, 1, 2]);
+        assert_eq!(minimal_cell(&wide), [1, 1, 2]);
     }
 }

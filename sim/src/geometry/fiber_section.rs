@@ -1,4 +1,5 @@
-//! One fiber in the plane of the ply's cross section: its outline, position and turn.
+//! One fiber in the plane of the ply's cross section: its outline, position and rotation, and its exact
+//! distance from another fiber.
 
 use crate::geometry::outline::{Outline, Runs, edges, segments_cross};
 use nalgebra::{Rotation2, Vector2};
@@ -8,13 +9,13 @@ use nalgebra::{Rotation2, Vector2};
 pub struct FiberSection {
     /// Center in the ply's frame [um].
     pub center_um: Vector2<f64>,
-    /// Turn of the outline: a point p of it lies at `center + Rot(angle) p` [rad].
+    /// Rotation of the outline [rad]; a point p of it lies at `center + Rot(angle) p`.
     pub angle_rad: f64,
     /// Outer wall, its centroid at the origin.
     pub outer: Outline,
     /// Wall of the hollow core, strictly within the outer one and in the same frame.
     pub lumen: Option<Outline>,
-    /// Whether the fiber is of the second kind of a blend.
+    /// Whether the fiber is the second one of a blend.
     pub second: bool,
 }
 
@@ -34,8 +35,8 @@ impl FiberSection {
         self.outer.area() - self.lumen.as_ref().map_or(0.0, Outline::area)
     }
 
-    /// Least distance between the outer walls of two fibers [um]; negative, by the depth of the deepest
-    /// vertex, when they overlap. Exact for the stored outlines.
+    /// Minimum distance between the outer walls of two fibers [um]. If they overlap, it is minus the depth of
+    /// the deepest vertex. The result is exact for the stored outlines.
     pub fn min_distance(&self, other: &FiberSection) -> f64 {
         let apart = (self.center_um - other.center_um).norm();
         match (&self.outer, &other.outer) {
@@ -53,19 +54,19 @@ impl FiberSection {
     }
 }
 
-/// Distance of two closed polylines, negative by the deepest vertex when they overlap.
+/// Distance of two closed polylines; minus the depth of the deepest vertex if they overlap.
 fn polyline_distance(a: &[Vector2<f64>], b: &[Vector2<f64>]) -> f64 {
     let (runs_a, runs_b) = (Runs::new(a), Runs::new(b));
-    let least = b.iter().fold(f64::INFINITY, |least, &p| runs_a.distance(p, least));
-    let least = a.iter().fold(least, |least, &p| runs_b.distance(p, least));
+    let min = b.iter().fold(f64::INFINITY, |min, &p| runs_a.distance(p, min));
+    let min = a.iter().fold(min, |min, &p| runs_b.distance(p, min));
     let longest = |points: &[Vector2<f64>]| edges(points).map(|(p, q)| (q - p).norm()).fold(0.0, f64::max);
-    let touching = least <= longest(a).max(longest(b));
+    let touching = min <= longest(a).max(longest(b));
     let (wall_a, wall_b) = (Outline::Polyline(a.to_vec()), Outline::Polyline(b.to_vec()));
     let overlap = wall_b.contains(a[0])
         || wall_a.contains(b[0])
         || (touching && edges(a).any(|(p, q)| edges(b).any(|(r, s)| segments_cross(p, q, r, s))));
     if !overlap {
-        return least;
+        return min;
     }
     let deepest =
         |points: &[Vector2<f64>], wall: &Outline| points.iter().map(|&p| wall.signed_distance(p)).fold(0.0, f64::min);

@@ -9,7 +9,7 @@ use crate::geometry::section::PlySection;
 use nalgebra::{Rotation2, Vector2};
 use std::io::{self, Write};
 
-/// Largest number of vertices of a mesh; longer steps keep to it.
+/// Maximum number of vertices of a mesh; steps are lengthened to respect it.
 const MAX_VERTICES: usize = 1 << 28;
 
 /// Triangles of a ply. Normals, by the right-hand rule, point out of the fibers' material.
@@ -35,8 +35,8 @@ impl TriMesh {
         }
         let n = outline_points.clamp(8, 1 << 16);
         let rings: usize = section.fibers.iter().map(|f| 1 + usize::from(f.lumen.is_some())).sum();
-        let most = (MAX_VERTICES / (n * rings.max(1))).max(2) - 1;
-        let steps = if step_um > 0.0 { (length / step_um).ceil() as usize } else { 1 }.clamp(1, most);
+        let max_steps = (MAX_VERTICES / (n * rings.max(1))).max(2) - 1;
+        let steps = if step_um > 0.0 { (length / step_um).ceil() as usize } else { 1 }.clamp(1, max_steps);
         for (fiber, id) in section.fibers.iter().zip(0..) {
             mesh.push_fiber(fiber, 2 * id, n, steps, |k| {
                 let z = z0_um + length * k as f64 / steps as f64;
@@ -85,7 +85,8 @@ impl TriMesh {
                     let low = k * per_layer + l * n;
                     let (a, b) = (low + i, low + (i + 1) % n);
                     let (c, d) = (a + per_layer, b + per_layer);
-                    // The material lies outside of the lumen's ring, so its triangles turn the other way.
+                    // The material lies outside of the lumen's ring, so its triangles have the opposite
+                    // orientation.
                     let (a, b, c, d) = if l == 0 { (a, b, c, d) } else { (b, a, d, c) };
                     push(a, b, d, wall);
                     push(a, d, c, wall);
@@ -138,13 +139,13 @@ impl TriMesh {
 /// count from `n`.
 fn triangulate_annulus(outer: &[Vector2<f64>], lumen: &[Vector2<f64>]) -> Vec<[usize; 3]> {
     let n = outer.len();
-    // A bridge that crosses neither ring makes one polygon of the two; the shortest one never does.
+    // A bridge that crosses neither ring joins both into one polygon. The shortest bridge crosses none.
     let mut bridge = (0, 0);
-    let mut least = f64::INFINITY;
+    let mut min = f64::INFINITY;
     for (i, p) in outer.iter().enumerate() {
         for (j, q) in lumen.iter().enumerate() {
-            if (p - q).norm_squared() < least {
-                least = (p - q).norm_squared();
+            if (p - q).norm_squared() < min {
+                min = (p - q).norm_squared();
                 bridge = (i, j);
             }
         }
@@ -162,17 +163,18 @@ fn triangulate(points: &[Vector2<f64>], mut corners: Vec<usize>) -> Vec<[usize; 
     let mut triangles = Vec::with_capacity(corners.len());
     let mut at = 0;
     let mut refused = 0;
-    // Height over the base of the ears to cut. Slivers are cut last, as they may turn over in f32.
+    // Minimum height over the base of the ears to cut. Slivers are cut last, since they may flip in f32.
     let mut height = 0.1;
     while corners.len() > 3 {
         let n = corners.len();
         let ear = [corners[at % n], corners[(at + 1) % n], corners[(at + 2) % n]];
-        // Once only points in line (to rounding) remain, any corner is cut: the surface stays closed.
+        // Once only collinear points (up to rounding) remain, any corner is cut, so that the surface stays
+        // closed.
         if height < 1e-13 || is_ear(points, &corners, ear, height) {
             triangles.push(ear);
             corners.remove((at + 1) % n);
             refused = 0;
-            // Go on one further, so that triangles do not all fan from one corner.
+            // The next corner is skipped, so that triangles do not all fan out from one corner.
             at = (at + 1) % (n - 1);
         } else {
             refused += 1;
@@ -212,7 +214,7 @@ mod tests {
         triangles.iter().map(one).sum()
     }
 
-    /// No triangle turns over and the areas sum to the polygon's, so the triangles do not overlap.
+    /// No triangle is flipped and the areas sum to the polygon's, so the triangles do not overlap.
     #[test]
     fn caps_cover_a_comb_exactly() {
         let mut comb: Vec<_> = (0..6)

@@ -1,5 +1,5 @@
-//! The geometry of a ply: outlines of fibers, their packing, the cross section, the sweep along the twist as
-//! triangles.
+//! Geometry of a ply: outlines of fibers, their packing into a cross section, and triangles of the section
+//! swept along the twist.
 
 pub(crate) mod fiber_section;
 pub(crate) mod mesh;
@@ -7,7 +7,7 @@ pub(crate) mod outline;
 pub(crate) mod packing;
 mod radial;
 pub(crate) mod section;
-pub(crate) mod shape;
+pub mod shape;
 
 pub use fiber_section::FiberSection;
 pub use mesh::TriMesh;

@@ -34,12 +34,12 @@ impl Outline {
             Outline::Circle { radius_um } => p.norm() - radius_um,
             Outline::Polyline(points) => {
                 let mut inside = false;
-                let mut least2 = f64::INFINITY;
+                let mut min2 = f64::INFINITY;
                 for (a, b) in edges(points) {
-                    least2 = least2.min(segment_distance2(p, a, b));
+                    min2 = min2.min(segment_distance2(p, a, b));
                     inside ^= crosses_ray(p, a, b);
                 }
-                if inside { -least2.sqrt() } else { least2.sqrt() }
+                if inside { -min2.sqrt() } else { min2.sqrt() }
             }
         }
     }
@@ -87,7 +87,7 @@ impl Outline {
         }
     }
 
-    /// Estimate of the greatest absolute curvature [1/um], from the turning angle at each vertex.
+    /// Estimated maximum absolute curvature [1/um], from the turning angle at each vertex.
     pub fn max_curvature(&self) -> f64 {
         match self {
             Outline::Circle { radius_um } => 1.0 / radius_um,
@@ -104,8 +104,8 @@ impl Outline {
     }
 
     /// `n >= 3` points, uniform in arc length and counterclockwise, with outward unit normals. Points of a
-    /// polyline lie on its edges, and their normals turn evenly from vertex to vertex as those of the smooth
-    /// outline do.
+    /// polyline lie on its edges, and their normals are interpolated from vertex to vertex like those of the
+    /// smooth outline.
     pub fn points(&self, n: usize) -> Vec<OutlinePoint> {
         let n = n.max(3);
         match self {
@@ -185,7 +185,7 @@ fn crosses_ray(p: Vector2<f64>, a: Vector2<f64>, b: Vector2<f64>) -> bool {
 
 /// Whether two closed segments intersect.
 pub(crate) fn segments_cross(a: Vector2<f64>, b: Vector2<f64>, c: Vector2<f64>, d: Vector2<f64>) -> bool {
-    // Test the boxes first: for segments in one line, rounding may put the ends on either side.
+    // The boxes are tested first: for collinear segments, rounding may put the ends on either side.
     let apart = |a: f64, b: f64, c: f64, d: f64| a.min(b) > c.max(d) || c.min(d) > a.max(b);
     if apart(a.x, b.x, c.x, d.x) || apart(a.y, b.y, c.y, d.y) {
         return false;
@@ -196,7 +196,7 @@ pub(crate) fn segments_cross(a: Vector2<f64>, b: Vector2<f64>, c: Vector2<f64>, 
     s1 * s2 <= 0.0 && s3 * s4 <= 0.0
 }
 
-/// The edges of a closed polyline in short runs, each with a bounding circle, for quick exact distances.
+/// The edges of a closed polyline in short runs, each with a bounding circle, for fast exact distances.
 pub(crate) struct Runs<'a> {
     points: &'a [Vector2<f64>],
     bounds: Vec<(Vector2<f64>, f64)>,
@@ -216,17 +216,17 @@ impl<'a> Runs<'a> {
         Runs { points, bounds: bounds.collect() }
     }
 
-    /// Exact distance of `p` to the polyline, or `most` if that is less.
-    pub(crate) fn distance(&self, p: Vector2<f64>, most: f64) -> f64 {
+    /// Exact distance of `p` to the polyline, clamped to `max`.
+    pub(crate) fn distance(&self, p: Vector2<f64>, max: f64) -> f64 {
         let n = self.points.len();
-        let mut least2 = most * most;
+        let mut min2 = max * max;
         for (k, (center, bound)) in self.bounds.iter().enumerate() {
-            if ((p - center).norm() - bound).max(0.0).powi(2) <= least2 {
+            if ((p - center).norm() - bound).max(0.0).powi(2) <= min2 {
                 for i in k * RUN..(k * RUN + RUN).min(n) {
-                    least2 = least2.min(segment_distance2(p, self.points[i], self.points[(i + 1) % n]));
+                    min2 = min2.min(segment_distance2(p, self.points[i], self.points[(i + 1) % n]));
                 }
             }
         }
-        least2.sqrt()
+        min2.sqrt()
     }
 }

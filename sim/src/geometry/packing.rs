@@ -3,7 +3,7 @@
 //! The fibers start apart in a ply that is too large. Random moves and turns are accepted only if they keep
 //! every gap. After each sweep the arrangement is compressed as far as the gaps allow, until all fibers lie
 //! within the ply. Further sweeps at that size randomize the arrangement at the target radial density
-//! (`radial.rs`); without a target, hard particles at equilibrium fill their container evenly and line its
+//! (`radial.rs`); without a target, hard particles at equilibrium fill their container uniformly and line its
 //! wall. Two fibers never overlap. (Yu 2025, 4.1, only says that cross sections are "generated and
 //! clustered".)
 //!
@@ -21,33 +21,33 @@ use plywave::spec::{Packing, YarnSpec};
 use rand::{Rng, RngExt};
 use std::f64::consts::{PI, TAU};
 
-/// Number of starts before giving up; a jam at one start is often free at the next.
+/// Maximum number of starts; a start often succeeds after the previous one has jammed.
 const STARTS: usize = 4;
 /// Scale of a jam beyond which another start does not help: starts differ by about 0.01.
 const HOPELESS: f64 = 1.03;
-/// Few fibers jam in arrangements that differ much (five discs in a ring, or four about the fifth): fewer
-/// than this have more starts, none of them hopeless.
+/// Number of fibers below which more starts are tried, none of which counts as hopeless: few fibers jam in
+/// very different arrangements (five discs in a ring, or four about the fifth).
 const FEW: usize = 12;
 const STARTS_OF_FEW: usize = 60;
-/// Largest number of compression sweeps per start.
+/// Maximum number of compression sweeps per start.
 const MAX_SWEEPS: usize = 6000;
 /// Compression stops when this many sweeps shrink the ply by less than [`STALL`].
 const STALL_SWEEPS: usize = 400;
 /// Relative shrinkage below which compression counts as jammed.
 const STALL: f64 = 1e-3;
-/// Sweeps at the final size; with steps near a third of a gap, tens of sweeps carry a fiber past its
-/// neighbors.
+/// Number of sweeps at the final size; with steps near a third of a gap, tens of sweeps carry a fiber past
+/// its neighbors.
 const MIX_SWEEPS: usize = 150;
-/// Sweeps at the final size with a target radial density: two thirds of them approach it.
+/// Number of sweeps at the final size with a target radial density; two thirds of them approach it.
 const RADIAL_SWEEPS: usize = 600;
 /// Filled fraction of the densest packing of equal discs in the plane; above it no start is tried.
 const HEXAGONAL: f64 = 0.9069;
-/// Cells across the grid of signed distances.
+/// Number of cells across the grid of signed distances.
 const CELLS: usize = 72;
-/// Largest number of outline points tested per pair.
+/// Maximum number of outline points tested per pair.
 const PROBES: usize = 96;
 
-/// Places and turns `fibers` within the ply.
+/// Places and rotates `fibers` within the ply.
 pub(crate) fn pack<R: Rng>(fibers: &mut [FiberSection], spec: &YarnSpec, rng: &mut R) -> Result<(), SimError> {
     let ply = &spec.ply;
     let radii = ply.radii_um.unwrap_or([ply.radius_um.unwrap_or(0.0); 2]);
@@ -91,17 +91,17 @@ pub(crate) fn pack<R: Rng>(fibers: &mut [FiberSection], spec: &YarnSpec, rng: &m
         }
     }
     // If no start was tried: random compression jams near 0.8 for discs, earlier for other outlines.
-    let least_scale = if reached.is_finite() { reached } else { (with_gap / container / 0.75).sqrt() };
+    let min_scale = if reached.is_finite() { reached } else { (with_gap / container / 0.75).sqrt() };
     Err(SimError::CannotPack {
         key: if ply.radii_um.is_some() { "ply.radii_um" } else { "ply.radius_um" },
         fibers: fibers.len(),
         radius_um: radii[0],
         packing_fraction: area / (PI * radii[0] * radii[1]),
-        least_radius_um: (1.02 * least_scale.max(1.0) * radii[0] * 10.0).ceil() / 10.0,
+        least_radius_um: (1.02 * min_scale.max(1.0) * radii[0] * 10.0).ceil() / 10.0,
     })
 }
 
-/// Whether all gaps are kept and all fibers lie within the ply, by the exact outlines.
+/// Whether all gaps are respected and all fibers lie within the ply, by the exact outlines.
 pub(crate) fn holds(fibers: &[FiberSection], radii: [f64; 2], gap: f64) -> bool {
     let apart = fibers.iter().enumerate().all(|(i, a)| {
         fibers[i + 1..].iter().all(|b| {
@@ -112,7 +112,7 @@ pub(crate) fn holds(fibers: &[FiberSection], radii: [f64; 2], gap: f64) -> bool 
     apart && fibers.iter().all(|f| extent(f, radii) <= 1.0)
 }
 
-/// The scale of the ply at which a fiber just lies within it.
+/// Minimum scale of the ply at which it contains the fiber.
 pub(crate) fn extent(fiber: &FiberSection, radii: [f64; 2]) -> f64 {
     let pose = Pose { center: fiber.center_um, angle: fiber.angle_rad };
     match &fiber.outer {
@@ -125,7 +125,7 @@ fn disc_extent(center: Vector2<f64>, radius: f64, radii: [f64; 2]) -> f64 {
     if radii[0] == radii[1] {
         return (center.norm() + radius) / radii[0];
     }
-    // A circumscribed polygon: never less than the disc, 0.1 % more at most.
+    // The extent of a circumscribed polygon is at least that of the disc and at most 0.1 % larger.
     const SIDES: usize = 64;
     let reach = radius / (PI / SIDES as f64).cos();
     let corner = |i: usize| {
@@ -137,14 +137,14 @@ fn disc_extent(center: Vector2<f64>, radius: f64, radii: [f64; 2]) -> f64 {
 
 fn points_extent(pose: &Pose, points: &[Vector2<f64>], margin: f64, radii: [f64; 2]) -> f64 {
     let turn = Rotation2::new(pose.angle);
-    let most2 = points.iter().fold(0.0_f64, |most, p| {
+    let max2 = points.iter().fold(0.0_f64, |max, p| {
         let q = pose.center + turn * p;
-        most.max((q.x / radii[0]).powi(2) + (q.y / radii[1]).powi(2))
+        max.max((q.x / radii[0]).powi(2) + (q.y / radii[1]).powi(2))
     });
-    most2.sqrt() + margin / radii[0].min(radii[1])
+    max2.sqrt() + margin / radii[0].min(radii[1])
 }
 
-/// Position and turn of a fiber.
+/// Position and rotation of a fiber.
 #[derive(Clone, Copy, Debug)]
 struct Pose {
     center: Vector2<f64>,
@@ -165,7 +165,7 @@ enum Form {
     Grid {
         probes: Vec<Vector2<f64>>,
         grid: DistanceGrid,
-        /// Bound of how much the probes and the grid overestimate a distance.
+        /// Bound of the error by which the probes and the grid overestimate a distance.
         margin: f64,
     },
 }
@@ -213,7 +213,7 @@ impl Body {
     }
 }
 
-/// Whether two placed bodies keep the gap.
+/// Whether the distance of two placed bodies is at least the gap.
 fn apart(a: &Body, at: &Pose, b: &Body, bt: &Pose, gap: f64) -> bool {
     let between = (bt.center - at.center).norm();
     if between >= a.bound + b.bound + gap {
@@ -225,7 +225,7 @@ fn apart(a: &Body, at: &Pose, b: &Body, bt: &Pose, gap: f64) -> bool {
     clear(a, at, b, bt, gap) && clear(b, bt, a, at, gap)
 }
 
-/// Whether the outline of `b` keeps the gap from that of `a`, as seen by the grid of `a`.
+/// Whether the outline of `b` has at least the gap from that of `a`, by the distance grid of `a`.
 fn clear(a: &Body, at: &Pose, b: &Body, bt: &Pose, gap: f64) -> bool {
     let Form::Grid { grid, margin, .. } = &a.form else {
         return !matches!(b.form, Form::Disc) || (bt.center - at.center).norm() >= a.bound + b.bound + gap;
@@ -234,18 +234,18 @@ fn clear(a: &Body, at: &Pose, b: &Body, bt: &Pose, gap: f64) -> bool {
     match &b.form {
         Form::Disc => grid.at(origin) >= b.bound + gap + margin,
         Form::Grid { probes, margin: other, .. } => {
-            let least = gap + margin.max(*other);
-            let far2 = (a.bound + least).powi(2);
+            let required = gap + margin.max(*other);
+            let far2 = (a.bound + required).powi(2);
             let turn = Rotation2::new(bt.angle - at.angle);
             probes.iter().all(|p| {
                 let q = origin + turn * p;
-                q.norm_squared() >= far2 || grid.at(q) >= least
+                q.norm_squared() >= far2 || grid.at(q) >= required
             })
         }
     }
 }
 
-/// Exact signed distances at the nodes of a square grid, bilinear between.
+/// Exact signed distances at the nodes of a square grid, with bilinear interpolation.
 struct DistanceGrid {
     values: Vec<f64>,
     half: f64,
@@ -291,9 +291,9 @@ struct State {
     poses: Vec<Pose>,
     radii: [f64; 2],
     gap: f64,
-    /// Standard deviation of each fiber's turn [rad].
+    /// Standard deviation of each fiber's rotation [rad].
     angle_sd: Vec<Option<f64>>,
-    /// Largest move per axis [um], tuned to accept about 40 %.
+    /// Maximum move per axis [um], tuned to accept about 40 %.
     step: f64,
     /// Areas of the fibers [um^2].
     areas: Vec<f64>,
@@ -305,7 +305,7 @@ impl State {
         State { bodies, poses: Vec::new(), radii, gap, angle_sd, step: 1.0, areas, radial: None }
     }
 
-    /// Sweeps at the final size.
+    /// Randomizes the arrangement by sweeps at the final size.
     fn mix<R: Rng>(&mut self, packing: Packing, rng: &mut R) {
         if packing == Packing::Lined || self.bodies.len() < MIN_FIBERS {
             (0..MIX_SWEEPS).for_each(|_| self.sweep(1.0, rng));
@@ -324,13 +324,13 @@ impl State {
         }
     }
 
-    /// Places the fibers at random in a ply wide enough for their bounding circles; false when that fails.
+    /// Places the fibers at random in a ply wide enough for their bounding circles; false if that fails.
     fn start<R: Rng>(&mut self, angles: impl Iterator<Item = f64>, rng: &mut R) -> bool {
         let n = self.bodies.len();
         let widest = self.bodies.iter().map(|b| b.bound).fold(0.0, f64::max);
         let discs: f64 = self.bodies.iter().map(|b| (b.bound + 0.5 * self.gap).powi(2)).sum();
         let [a, b] = self.radii;
-        // Random insertion of discs ends at a fraction of 0.547; 0.3 is quick.
+        // Random insertion of discs saturates at a fraction of 0.547; up to 0.3 it is fast.
         let mut scale = (discs / (a * b) / 0.3).sqrt().max(1.1 * widest / a.min(b)).max(1.0);
         let angles: Vec<f64> = angles.collect();
         'grow: for _ in 0..60 {
@@ -361,13 +361,13 @@ impl State {
         false
     }
 
-    /// Least scale of the ply that contains all fibers.
+    /// Minimum scale of the ply that contains all fibers.
     fn scale(&self) -> f64 {
         self.bodies.iter().zip(&self.poses).map(|(b, p)| b.extent(p, self.radii)).fold(0.0, f64::max)
     }
 
-    /// Shrinks the arrangement until it fits the ply or jams. Returns the final scale, 1 or less when it
-    /// fits.
+    /// Shrinks the arrangement until it fits the ply or jams. Returns the final scale, which is at most 1 if
+    /// it fits.
     fn compress<R: Rng>(&mut self, rng: &mut R) -> f64 {
         let mut shrink = 0.05;
         let mut scale = self.scale();
@@ -393,7 +393,7 @@ impl State {
         scale
     }
 
-    /// Moves all centers towards the axis by `factor`, unless a gap would be lost.
+    /// Moves all centers towards the axis by `factor`, unless this would violate a gap.
     fn squeeze(&mut self, factor: f64) -> bool {
         let closer: Vec<Pose> = self.poses.iter().map(|p| Pose { center: p.center * factor, ..*p }).collect();
         let free = (0..closer.len())
@@ -404,7 +404,7 @@ impl State {
         free
     }
 
-    /// One trial move and turn per fiber within the ply of the given scale.
+    /// One trial move and rotation per fiber within the ply of the given scale.
     fn sweep<R: Rng>(&mut self, scale: f64, rng: &mut R) {
         let n = self.bodies.len();
         let mut accepted = 0;
@@ -416,7 +416,7 @@ impl State {
             let angle = match (&body.form, self.angle_sd[i]) {
                 (Form::Disc, _) => old.angle,
                 (_, None) => old.angle + turn,
-                // For turns of a given spread, a Metropolis step keeps their normal distribution.
+                // The Metropolis rule preserves the normal distribution of the rotations.
                 (_, Some(sd)) => {
                     let new = old.angle + turn;
                     let gain = (old.angle.powi(2) - new.powi(2)) / (2.0 * sd * sd).max(f64::MIN_POSITIVE);

@@ -2,8 +2,8 @@
 //!
 //! Hard particles at equilibrium line the wall of their container; a ply has no wall. Cross sections of spun
 //! yarns are densest in the inner part, fall towards the surface and end there with a ragged rim (Hickie and
-//! Chaikin 1974; Neckar and Ibrahim 2003; docs/explain/papers.md, departure 20). With the ply scaled to the
-//! unit disc, the target filled fraction is
+//! Chaikin 1974; Neckar and Ibrahim 2003; docs/explain/papers/yu_2025.md, departure 20). With the ply scaled
+//! to the unit disc, the target filled fraction is
 //!
 //! ```text
 //! d(r) = d0 (1 - r^m),   d0 = (1 + 2/m) phi,   share of the fibers within r:  A(r) = ((m + 2) r^2 - 2 r^(m + 2)) / m
@@ -20,7 +20,7 @@
 use nalgebra::Vector2;
 use std::f64::consts::PI;
 
-/// Rings at which the share is controlled.
+/// Number of rings at which the share is controlled.
 const RINGS: usize = 12;
 /// Standard deviation tau of the share within a ring, at the end and at the start.
 const TAU_END: f64 = 0.015;
@@ -32,31 +32,32 @@ const CORE_OTHERS: f64 = 0.72;
 /// Range of the profile's exponent.
 const MIN_EXPONENT: f64 = 2.0;
 const MAX_EXPONENT: f64 = 40.0;
-/// Least number of fibers with a radial density.
+/// Minimum number of fibers for a radial density.
 pub(super) const MIN_FIBERS: usize = 4;
 
-/// Exponent m of the profile of a ply whose fibers fill the fraction `phi`, `discs` or others.
+/// Exponent m of the profile of a ply whose fibers fill the fraction `phi`; `discs` is false for outlines
+/// other than circles.
 pub(super) fn exponent(phi: f64, discs: bool) -> f64 {
     let core = if discs { CORE_DISCS } else { CORE_OTHERS };
-    // (1 + 2/m) phi = core.
+    // The density of the middle is (1 + 2/m) phi = core.
     let m = if core > phi { 2.0 / (core / phi - 1.0) } else { MAX_EXPONENT };
     m.clamp(MIN_EXPONENT, MAX_EXPONENT)
 }
 
 /// Target share of the fibers within r, 0 to 1.
-pub(super) fn asked(r: f64, m: f64) -> f64 {
+pub(super) fn target_share(r: f64, m: f64) -> f64 {
     let r = r.clamp(0.0, 1.0);
     ((m + 2.0) * r * r - 2.0 * r.powf(m + 2.0)) / m
 }
 
-/// The running shares of an arrangement.
+/// Shares of the fibers within rings, updated with the arrangement.
 pub(super) struct Radial {
     radii: [f64; 2],
     /// Radius of each fiber's disc in the scaled ply, and its share of the total area.
     discs: Vec<(f64, f64)>,
     wanted: [f64; RINGS],
     held: [f64; RINGS],
-    /// Each fiber's part of `held`.
+    /// `[fiber][ring]`: the fiber's part of `held`.
     parts: Vec<[f64; RINGS]>,
     weight: f64,
 }
@@ -69,14 +70,14 @@ impl Radial {
         Radial {
             radii,
             discs: areas.iter().map(|a| ((a / ply).sqrt(), a / all)).collect(),
-            wanted: std::array::from_fn(|k| asked(ring(k), m)),
+            wanted: std::array::from_fn(|k| target_share(ring(k), m)),
             held: [0.0; RINGS],
             parts: vec![[0.0; RINGS]; areas.len()],
             weight: 0.0,
         }
     }
 
-    /// Counts an arrangement anew; `progress` from 0 to 1 sets how strictly the shares are kept.
+    /// Recounts an arrangement; `progress` from 0 to 1 sets the strictness of the target shares.
     pub fn count(&mut self, centers: impl Iterator<Item = Vector2<f64>>, progress: f64) {
         let tau = TAU_START * (TAU_END / TAU_START).powf(progress.clamp(0.0, 1.0));
         self.weight = 0.5 / (tau * tau);
@@ -94,7 +95,7 @@ impl Radial {
         std::array::from_fn(|k| share * disc_within(from_axis, radius, ring(k)))
     }
 
-    /// Energy gained when fiber `i` moves to `center`, and its new contribution.
+    /// Energy gained if fiber `i` moves to `center`, and its new contribution.
     pub fn gain(&self, i: usize, center: Vector2<f64>) -> (f64, [f64; RINGS]) {
         let part = self.part(i, center);
         let gain = (0..RINGS).map(|k| {
@@ -130,7 +131,7 @@ fn disc_within(d: f64, b: f64, r: f64) -> f64 {
     if d + r <= b {
         return (r / b).powi(2);
     }
-    // Lens of two circles.
+    // The intersection is a lens of two circles.
     let angle = |own: f64, other: f64| ((d * d + own * own - other * other) / (2.0 * d * own)).clamp(-1.0, 1.0).acos();
     let (x, y) = (angle(b, r), angle(r, b));
     let lens = b * b * (x - x.sin() * x.cos()) + r * r * (y - y.sin() * y.cos());
@@ -160,10 +161,12 @@ mod tests {
         for phi in [0.1, 0.3, 0.5, 0.675, 0.75, 0.85] {
             for discs in [false, true] {
                 let m = exponent(phi, discs);
-                assert!((asked(1.0, m) - 1.0).abs() < 1e-12 && asked(0.0, m) == 0.0);
-                let middle = phi * asked(1e-3, m) / 1e-6;
+                assert!((target_share(1.0, m) - 1.0).abs() < 1e-12 && target_share(0.0, m) == 0.0);
+                let middle = phi * target_share(1e-3, m) / 1e-6;
                 assert!(middle <= 0.821 || m == MAX_EXPONENT, "{phi}: {middle}");
-                assert!((1..50).all(|k| asked(f64::from(k) / 50.0, m) > asked(f64::from(k - 1) / 50.0, m)));
+                assert!(
+                    (1..50).all(|k| target_share(f64::from(k) / 50.0, m) > target_share(f64::from(k - 1) / 50.0, m))
+                );
             }
         }
     }

@@ -1,7 +1,7 @@
 //! The cross section of a ply: fibers placed without overlap in the plane z = 0 (Yu 2025, 4.1, Fig. 5a).
 //!
-//! Along z the whole section turns rigidly about the axis, so fibers that are apart at z = 0 are apart
-//! everywhere.
+//! Along z the whole section rotates rigidly about the axis, so fibers that are separate at z = 0 are
+//! separate everywhere.
 
 use crate::error::SimError;
 use crate::geometry::fiber_section::FiberSection;
@@ -12,14 +12,14 @@ use rand::{Rng, RngExt};
 use rand_pcg::Pcg64Mcg;
 use std::f64::consts::TAU;
 
-/// The cross section of a ply at z = 0; at height z it is turned by `z * twist_per_um` about the axis.
+/// The cross section of a ply at z = 0; at height z it is rotated by `z * twist_per_um` about the axis.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PlySection {
     /// The fibers.
     pub fibers: Vec<FiberSection>,
     /// Radius of the smallest circle about the axis that contains all fibers [um].
     pub bound_radius_um: f64,
-    /// Turn per length, `2 pi / pitch` [rad/um]: positive for Z twist, negative for S, 0 for parallel fibers.
+    /// Twist, `2 pi / pitch` [rad/um]: positive for Z twist, negative for S twist, 0 for parallel fibers.
     pub twist_per_um: f64,
 }
 
@@ -40,18 +40,18 @@ impl PlySection {
         }
         packing::pack(&mut fibers, spec, &mut rng)?;
         let bound_radius_um = fibers.iter().map(reach).fold(0.0, f64::max);
-        Ok(PlySection { fibers, bound_radius_um, twist_per_um: spec.ply.twist_per_um() })
+        Ok(PlySection { fibers, bound_radius_um, twist_per_um: spec.ply.twist().rad_per_um() })
     }
 
-    /// Turn of the section at height `z_um` [rad].
+    /// Rotation of the section at height `z_um` [rad].
     pub fn turn(&self, z_um: f64) -> f64 {
         z_um * self.twist_per_um
     }
 
-    /// Probability that the line x = `h_um[n]` hits a fiber of a randomly turned section: mean over `turns`
-    /// even turns.
+    /// `[n]`: probability that the line x = `h_um[n]` hits a fiber of a randomly rotated section, the mean
+    /// over `turns` equidistant rotations.
     pub fn chance_to_meet(&self, h_um: &[f64], turns: usize) -> Vec<f64> {
-        let mut met = vec![0usize; h_um.len()];
+        let mut hits = vec![0usize; h_um.len()];
         for k in 0..turns {
             let (sin, cos) = (TAU * (k as f64 + 0.5) / turns as f64).sin_cos();
             // A fiber covers one interval of lines.
@@ -70,30 +70,30 @@ impl PlySection {
                     }),
                 })
                 .collect();
-            for (met, h) in met.iter_mut().zip(h_um) {
-                *met += usize::from(stretches.iter().any(|(a, b)| a <= h && h <= b));
+            for (hits, h) in hits.iter_mut().zip(h_um) {
+                *hits += usize::from(stretches.iter().any(|(a, b)| a <= h && h <= b));
             }
         }
-        met.into_iter().map(|n| n as f64 / turns.max(1) as f64).collect()
+        hits.into_iter().map(|n| n as f64 / turns.max(1) as f64).collect()
     }
 
-    /// Least gap between any two fibers [um], infinite for fewer than two. Exact for the stored outlines.
+    /// Minimum gap between any two fibers [um], infinite for fewer than two; exact for the stored outlines.
     pub fn min_gap_um(&self) -> f64 {
-        let mut least = f64::INFINITY;
+        let mut min = f64::INFINITY;
         for (i, a) in self.fibers.iter().enumerate() {
             for b in &self.fibers[i + 1..] {
                 let bounds = a.outer.bounding_radius() + b.outer.bounding_radius();
-                if (a.center_um - b.center_um).norm() - bounds < least {
-                    least = least.min(a.min_distance(b));
+                if (a.center_um - b.center_um).norm() - bounds < min {
+                    min = min.min(a.min_distance(b));
                 }
             }
         }
-        least
+        min
     }
 }
 
-/// Chooses the fibers of the second kind: for n fibers and a share s, n s rounded up or down at random, so
-/// that the mean over sections is the share. A ply of one kind draws no random numbers.
+/// Chooses the fibers of the second kind. For n fibers and a share s their number is n s, rounded up or down
+/// at random, so that the mean over sections is the share. A ply of one kind draws no random numbers.
 fn which_second<R: Rng>(spec: &YarnSpec, rng: &mut R) -> Vec<usize> {
     let Some(blend) = &spec.blend else { return Vec::new() };
     let count = spec.ply.fibers as usize;
@@ -106,7 +106,7 @@ fn which_second<R: Rng>(spec: &YarnSpec, rng: &mut R) -> Vec<usize> {
     all
 }
 
-/// Largest distance of a fiber's points from the axis [um].
+/// Maximum distance of a fiber's points from the axis [um].
 fn reach(fiber: &FiberSection) -> f64 {
     match &fiber.outer {
         Outline::Circle { radius_um } => fiber.center_um.norm() + radius_um,

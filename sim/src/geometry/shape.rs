@@ -1,9 +1,9 @@
 //! Fiber outlines drawn at random from the spec's shape and jitter.
 //!
 //! Every outline is smooth, simple, counterclockwise and centered on its centroid; vertices lie on the smooth
-//! curve. Curves are parametric or, for polygons, of lines and arcs; both are sampled evenly in arc length,
-//! more densely where they bend sharply. Not modeled: variation along the fiber (the section is the same at
-//! every height).
+//! curve. Curves are parametric or, for polygons, of lines and arcs; both are sampled uniformly in arc
+//! length, more densely where they bend sharply. Not modeled: variation along the fiber (the section is the
+//! same at every height).
 
 use crate::error::SimError;
 use crate::geometry::fiber_section::FiberSection;
@@ -13,11 +13,11 @@ use plywave::spec::{FiberSpec, Shape};
 use rand::{Rng, RngExt};
 use std::f64::consts::{PI, TAU};
 
-/// Least number of points of a polyline.
+/// Minimum number of points of a polyline.
 const MIN_POINTS: usize = 192;
-/// Largest number of points of a polyline.
+/// Maximum number of points of a polyline.
 const MAX_POINTS: usize = 1024;
-/// Largest turn from edge to edge [rad], up to [`MAX_POINTS`].
+/// Maximum turn from edge to edge [rad], subject to [`MAX_POINTS`].
 const MAX_TURN: f64 = 0.2;
 /// Power of the kidney's dent: its half width is about 0.4 of the half width of the fiber.
 const DENT_POWER: i32 = 10;
@@ -26,12 +26,12 @@ const KIDNEY_BEND: f64 = 0.5;
 /// Height of the lumen relative to one of the outline's own proportions: cotton collapses when it dries.
 const LUMEN_FLATNESS: f64 = 0.45;
 /// Mean depth of the teeth of a serrated outline, relative to the spec's.
-pub(crate) const MEAN_TOOTH: f64 = 0.7;
-/// Largest number of redraws of a random polygon until its rounding fits.
+pub const MEAN_TOOTH: f64 = 0.7;
+/// Maximum number of redraws of a random polygon until its rounding fits.
 const REDRAWS: usize = 64;
 
 /// Draws one fiber at the origin.
-pub(crate) fn draw<R: Rng>(spec: &FiberSpec, rng: &mut R) -> Result<FiberSection, SimError> {
+pub fn draw<R: Rng>(spec: &FiberSpec, rng: &mut R) -> Result<FiberSection, SimError> {
     let size = (1.0 + spec.size_jitter * normal3(rng)).max(0.2);
     let angle_rad = match spec.angle_jitter_rad {
         Some(sd) => sd * normal3(rng),
@@ -74,7 +74,8 @@ pub(crate) fn draw<R: Rng>(spec: &FiberSpec, rng: &mut R) -> Result<FiberSection
         Shape::Polygon { points_um, rounding_um, .. } => {
             let (x, y) = stretched(size, size, jitter, rng);
             let scaled = |x, y| points_um.iter().map(|p| Vector2::new(x * p[0], y * p[1])).collect();
-            // A stretched edge may be too short for its arcs; the polygon as given has room.
+            // A stretched edge may be too short for its arcs; the edges of the spec's polygon are long
+            // enough.
             let outline = rounded_polygon(scaled(x, y), size * rounding_um);
             (outline.or_else(|_| rounded_polygon(scaled(size, size), size * rounding_um))?, None)
         }
@@ -117,13 +118,13 @@ fn shifted(outline: Outline, by: Vector2<f64>) -> Outline {
     }
 }
 
-/// Number of points for a length with this least radius of curvature.
-fn point_count(length: f64, least_radius: f64) -> usize {
-    ((length / (MAX_TURN * least_radius)).ceil() as usize).clamp(MIN_POINTS, MAX_POINTS)
+/// Number of points for a length with this minimum radius of curvature.
+fn point_count(length: f64, min_radius: f64) -> usize {
+    ((length / (MAX_TURN * min_radius)).ceil() as usize).clamp(MIN_POINTS, MAX_POINTS)
 }
 
-/// Points of the closed curve `at(t)`, t in [0, 2 pi), evenly in arc length; each lies on the curve.
-pub(crate) fn curve(at: impl Fn(f64) -> Vector2<f64>) -> Outline {
+/// Points of the closed curve `at(t)`, t in [0, 2 pi), equidistant in arc length; each lies on the curve.
+pub fn curve(at: impl Fn(f64) -> Vector2<f64>) -> Outline {
     const FINE: usize = 4 * MAX_POINTS;
     let t = |i: usize| TAU * i as f64 / FINE as f64;
     let nodes: Vec<Vector2<f64>> = (0..FINE).map(|i| at(t(i))).collect();
@@ -154,10 +155,14 @@ fn kidney(a: f64, b: f64, dent: f64, hollow: f64) -> (Outline, Option<Outline>) 
 /// `b (-s - dent g(-s))` above the bent midline. As `g(s) - g(-s) <= s`, the thickness is `b (2 - dent) s` or
 /// more and that of the lumen, drawn about the same midline, is less at every x: the walls never touch. Both
 /// are trigonometric polynomials of degree 10.
-pub(crate) struct Kidney {
+pub struct Kidney {
+    /// Half the width [um].
     pub a: f64,
+    /// Half the height without the dent [um].
     pub b: f64,
+    /// Depth of the dent over `b`.
     pub dent: f64,
+    /// Size of the lumen over that of the outer wall; 0 for none.
     pub hollow: f64,
 }
 
@@ -258,31 +263,31 @@ fn no_room(rounding: f64) -> SimError {
 }
 
 /// A piece of a rounded polygon.
-enum Piece {
+enum OutlinePiece {
     Line(Vector2<f64>, Vector2<f64>),
-    /// Center, radius, first angle, turn (negative at reflex corners).
+    /// Center [um], radius [um], first angle and turn [rad] (negative at reflex corners).
     Arc(Vector2<f64>, f64, f64, f64),
 }
 
-impl Piece {
+impl OutlinePiece {
     fn length(&self) -> f64 {
         match self {
-            Piece::Line(a, b) => (b - a).norm(),
-            Piece::Arc(_, radius, _, turn) => radius * turn.abs(),
+            OutlinePiece::Line(a, b) => (b - a).norm(),
+            OutlinePiece::Arc(_, radius, _, turn) => radius * turn.abs(),
         }
     }
 
     fn at(&self, fraction: f64) -> Vector2<f64> {
         match self {
-            Piece::Line(a, b) => a + (b - a) * fraction,
-            Piece::Arc(center, radius, start, turn) => center + polar(*radius, start + turn * fraction),
+            OutlinePiece::Line(a, b) => a + (b - a) * fraction,
+            OutlinePiece::Arc(center, radius, start, turn) => center + polar(*radius, start + turn * fraction),
         }
     }
 }
 
-/// Points of a closed chain of pieces, evenly in arc length; each lies on a piece.
-fn sample(pieces: &[Piece], rounding: f64) -> Outline {
-    let total: f64 = pieces.iter().map(Piece::length).sum();
+/// Points of a closed chain of pieces, equidistant in arc length; each lies on a piece.
+fn sample(pieces: &[OutlinePiece], rounding: f64) -> Outline {
+    let total: f64 = pieces.iter().map(OutlinePiece::length).sum();
     let n = point_count(total, rounding);
     let mut points = Vec::with_capacity(n);
     let mut start = 0.0;
@@ -297,24 +302,24 @@ fn sample(pieces: &[Piece], rounding: f64) -> Outline {
     Outline::Polyline(points)
 }
 
-/// A convex counterclockwise polygon opened by a disc: shrunk by `rounding`, then grown by it. Edges too
-/// short for two arcs vanish. None when nothing remains after shrinking.
+/// The opening of a convex counterclockwise polygon by a disc: it is shrunk by `rounding`, then grown by it.
+/// Edges too short for two arcs vanish. Returns `None` if nothing remains after shrinking.
 fn rounded_convex(corners: &[Vector2<f64>], rounding: f64) -> Option<Outline> {
     let mut inset = corners.to_vec();
     for (a, b) in edges(corners) {
         let along = (b - a).normalize();
         let depth = |p: Vector2<f64>| along.perp(&(p - a)) - rounding;
-        let mut kept = Vec::new();
+        let mut clipped = Vec::new();
         for (p, q) in edges(&inset) {
             let (from, to) = (depth(p), depth(q));
             if from >= 0.0 {
-                kept.push(p);
+                clipped.push(p);
             }
             if (from < 0.0) != (to < 0.0) {
-                kept.push(p + (q - p) * (from / (from - to)));
+                clipped.push(p + (q - p) * (from / (from - to)));
             }
         }
-        inset = kept;
+        inset = clipped;
     }
     inset.dedup_by(|p, q| (*p - *q).norm() < 1e-3 * rounding);
     while inset.len() > 1 && (inset[0] - inset[inset.len() - 1]).norm() < 1e-3 * rounding {
@@ -332,14 +337,14 @@ fn rounded_convex(corners: &[Vector2<f64>], rounding: f64) -> Option<Outline> {
     for i in 0..n {
         let (before, after) = (outward(i + n - 1), outward(i));
         let turn = before.perp(&after).atan2(before.dot(&after)).max(0.0);
-        pieces.push(Piece::Arc(inset[i], rounding, before.y.atan2(before.x), turn));
-        pieces.push(Piece::Line(inset[i] + after * rounding, inset[(i + 1) % n] + after * rounding));
+        pieces.push(OutlinePiece::Arc(inset[i], rounding, before.y.atan2(before.x), turn));
+        pieces.push(OutlinePiece::Line(inset[i] + after * rounding, inset[(i + 1) % n] + after * rounding));
     }
     Some(sample(&pieces, rounding))
 }
 
 /// A simple polygon with an arc at each corner, reflex ones included.
-pub(crate) fn rounded_polygon(mut corners: Vec<Vector2<f64>>, rounding: f64) -> Result<Outline, SimError> {
+pub fn rounded_polygon(mut corners: Vec<Vector2<f64>>, rounding: f64) -> Result<Outline, SimError> {
     if Outline::Polyline(corners.clone()).area() < 0.0 {
         corners.reverse();
     }
@@ -359,8 +364,8 @@ pub(crate) fn rounded_polygon(mut corners: Vec<Vector2<f64>>, rounding: f64) -> 
         }
         let inward = Vector2::new(-before.y, before.x) * bend.signum();
         let center = corners[i] - before * taken(i) + inward * rounding;
-        pieces.push(Piece::Arc(center, rounding, (-inward.y).atan2(-inward.x), bend));
-        pieces.push(Piece::Line(corners[i] + after * taken(i), corners[(i + 1) % n] - after * taken(i + 1)));
+        pieces.push(OutlinePiece::Arc(center, rounding, (-inward.y).atan2(-inward.x), bend));
+        pieces.push(OutlinePiece::Line(corners[i] + after * taken(i), corners[(i + 1) % n] - after * taken(i + 1)));
     }
     let outline = sample(&pieces, rounding);
     if outline.is_simple() && outline.area() > 0.0 {

@@ -1,15 +1,15 @@
 //! Multiple-scattering rough dielectric: the random walk of Heitz et al. 2016 on a GGX microsurface of the
 //! Smith model.
 //!
-//! A single-scatter microfacet model drops the light that hits a second microfacet; inside a bundle of
-//! fibers, with a dozen interactions a path, that loses half the energy (docs/explain/papers.md, departure
-//! 11). The walk follows the ray over the microsurface until it leaves, so that every sample carries weight 1
-//! and power is conserved exactly.
+//! A single-scattering microfacet model drops the light that hits a second microfacet. Inside a bundle of
+//! fibers, with a dozen interactions per path, this loses half of the energy (docs/explain/papers/yu_2025.md,
+//! departure 11). The walk follows the ray over the microsurface until it leaves, so that every sample
+//! carries weight 1 and power is conserved exactly.
 //!
 //! Power is traced, not radiance: there is no eta^2 factor. Heights are uniform in [-1, 1] and enter only
 //! through their cumulative distribution, here `c` in [0, 1]. The walk is in the frame of the ray's medium,
-//! with the outward side up. When the ray refracts, the frame is turned over (w -> -w, c -> 1 - c, eta ->
-//! 1/eta), which the symmetry of the height distribution allows.
+//! with the outward side up. At a refraction the frame is flipped (w -> -w, c -> 1 - c, eta -> 1/eta), which
+//! the symmetry of the height distribution allows.
 
 use nalgebra::Vector3;
 use rand::{Rng, RngExt};
@@ -30,14 +30,14 @@ pub struct Scattered {
     pub dir: Vector3<f32>,
     /// Whether the ray is now on the outside.
     pub outside: bool,
-    /// Microfacet interactions; 0 when the walk was cut short at its limit.
+    /// Number of microfacet interactions; 0 if the walk was stopped at its limit.
     pub order: u32,
 }
 
 /// A ray at a facet of a microsurface.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct AtFacet {
-    /// Its direction and its height, as cumulative probability, in the frame of its medium.
+    /// Its direction `w` and its height `c`, as cumulative probability, in the frame of its medium.
     w: Vector3<f32>,
     c: f32,
     /// Index beyond the facet over that of its medium.
@@ -69,7 +69,8 @@ impl RoughDielectric {
         self.walk(dir, outside, rng, |_| ())
     }
 
-    /// As [`RoughDielectric::scatter`]; `on_facet` is told of each facet that the ray meets, of rough walls.
+    /// Scatters a ray like [`RoughDielectric::scatter`]. `on_facet` is called at each facet of a rough wall
+    /// that the ray hits.
     #[inline(always)]
     pub(crate) fn walk<R: Rng>(
         &self,
@@ -78,7 +79,7 @@ impl RoughDielectric {
         rng: &mut R,
         mut on_facet: impl FnMut(&AtFacet),
     ) -> Scattered {
-        // Frame of the medium the ray comes from; `flipped` if that is the inside.
+        // The frame is that of the medium of the ray; `flipped` if that is the inside.
         let mut flipped = !outside;
         let mut w = if flipped { -dir } else { dir };
         let mut eta = if flipped { 1.0 / self.eta } else { self.eta };
@@ -114,15 +115,15 @@ impl RoughDielectric {
     }
 
     /// Density [1/sr] with which a ray at a facet leaves to the outside in direction `wo` (unit, local frame)
-    /// by its next event. Its sum over the facets of a walk has the walk's density as its mean (Heitz et al.
-    /// 2016, 5.3).
+    /// after its next event. The sum over the facets of a walk is an unbiased estimate of the walk's density
+    /// (Heitz et al. 2016, 5.3).
     pub(crate) fn toward(&self, at: &AtFacet, wo: Vector3<f32>) -> f32 {
         if wo.z < 1e-4 {
             return 0.0;
         }
         let wi = -at.w;
         if at.flipped {
-            // Refracted; seen in the frame of the inside, the direction is turned over.
+            // In the frame of the inside, the refracted direction is flipped.
             let wt = -wo;
             let mut h = wi + wt * at.eta;
             let length = h.norm();
@@ -142,30 +143,30 @@ impl RoughDielectric {
         }
     }
 
-    /// Density of the normal `h` among those that a ray in direction `w` meets, `cos = -w.h > 0`.
+    /// Density [1/sr] of the normal `h` among those visible along a ray in direction `w`, `cos = -w.h > 0`.
     fn visible(&self, w: Vector3<f32>, h: Vector3<f32>, cos: f32) -> f32 {
-        // Projected area of the facets; that of a horizontal ray is a limit.
+        // Projected area of the facets, with its limit for a horizontal ray.
         let area = if w.z.abs() > 1e-4 { w.z * self.lambda(w) } else { 0.5 * self.alpha };
         let a2 = self.alpha * self.alpha;
         let root = h.z * h.z * (a2 - 1.0) + 1.0;
         if area <= 1e-9 { 0.0 } else { cos * a2 / (std::f32::consts::PI * root * root) / area }
     }
 
-    /// Density with which a facet that reflects all sends a ray in direction `w` at height `c` off in
-    /// direction `wo`, up, and its cosine of incidence.
+    /// Density [1/sr] with which a ray in direction `w` at height `c` is reflected to the upward direction
+    /// `wo` by a facet of reflectance 1 and leaves, with the cosine of incidence at the facet.
     pub(super) fn mirrored(&self, w: Vector3<f32>, c: f32, wo: Vector3<f32>) -> Option<(f32, f32)> {
         let h = (wo - w).try_normalize(1e-6)?;
         let cos = -w.dot(&h);
         (cos > 1e-6 && h.z > 0.0).then(|| (self.visible(w, h, cos) / (4.0 * cos) * self.escapes(c, wo), cos))
     }
 
-    /// Chance that a ray at height `c` leaves in direction `w`, up.
+    /// Probability that a ray at height `c` leaves in the upward direction `w`.
     fn escapes(&self, c: f32, w: Vector3<f32>) -> f32 {
         powf(c, self.lambda(w))
     }
 
-    /// Reflects or refracts `w` at a facet of normal `n` (n.w < 0); true when refracted. Does not turn the
-    /// frame over.
+    /// Reflects or refracts `w` at a facet of normal `n` (n.w < 0); true if refracted. The frame is not
+    /// flipped.
     #[inline(always)]
     fn facet<R: Rng>(&self, w: &mut Vector3<f32>, n: Vector3<f32>, eta: f32, rng: &mut R) -> bool {
         let cos_i = (-w.dot(&n)).max(0.0);
@@ -185,8 +186,8 @@ impl RoughDielectric {
         0.5 * (-1.0 + if w.z > 0.0 { root } else { -root })
     }
 
-    /// Height (as cumulative probability) of the next facet hit by a ray at height `c`; None when it leaves
-    /// (Heitz 2016, 4.1).
+    /// Height (as cumulative probability) of the next facet hit by a ray at height `c`; `None` if the ray
+    /// leaves (Heitz et al. 2016, 4.1).
     #[inline(always)]
     pub(super) fn next_height(&self, w: Vector3<f32>, c: f32, u: f32) -> Option<f32> {
         if w.z > 0.9999 {
@@ -206,8 +207,8 @@ impl RoughDielectric {
         Some((c / powf(1.0 - u, 1.0 / lambda)).clamp(0.0, 1.0))
     }
 
-    /// Normal of the facet seen from `wi` (any direction, also from below the horizon), by uniform sampling
-    /// of the spherical cap of the stretched configuration (Dupuy and Benyoub 2023).
+    /// Sampled normal of a facet visible from `wi` (any direction, also from below the horizon), by uniform
+    /// sampling of the spherical cap of the stretched configuration (Dupuy and Benyoub 2023).
     #[inline(always)]
     pub(super) fn visible_normal(&self, wi: Vector3<f32>, u1: f32, u2: f32) -> Vector3<f32> {
         let s = Vector3::new(self.alpha * wi.x, self.alpha * wi.y, wi.z).normalize();
@@ -258,8 +259,8 @@ mod tests {
         }
     }
 
-    /// Densities towards drawn directions, and directions that the walk leaves in, have the same moments: of
-    /// rays from outside and from within, steep and grazing.
+    /// Densities towards drawn directions and the outgoing directions of walks have the same moments, for
+    /// rays from outside and from inside, steep and grazing.
     #[test]
     fn densities_are_those_of_the_walk() {
         let mut rng = Pcg64Mcg::seed_from_u64(5);
@@ -274,16 +275,16 @@ mod tests {
                 let dir = Vector3::new((1.0 - z * z).sqrt(), 0.0, z);
                 let mut sums = [[[0.0f64; 6]; 2]; 2];
                 for _ in 0..n {
-                    // Even over the half outside.
+                    // Uniform over the outer hemisphere.
                     let [up, turn]: [f32; 2] = rng.random();
                     let (sin, cos) = sin_cos_turn(turn);
                     let across = (1.0 - up * up).sqrt();
                     let wo = Vector3::new(across * cos, across * sin, up);
                     let mut density = 0.0f64;
                     let s = m.walk(dir, outside, &mut rng, |at| density += f64::from(m.toward(at, wo)));
-                    let left = if s.outside { moments(s.dir) } else { [0.0; 6] };
+                    let outgoing = if s.outside { moments(s.dir) } else { [0.0; 6] };
                     let drawn = moments(wo).map(|v| v * density * std::f64::consts::TAU);
-                    for (sums, values) in sums.iter_mut().zip([left, drawn]) {
+                    for (sums, values) in sums.iter_mut().zip([outgoing, drawn]) {
                         (0..6).for_each(|k| {
                             sums[0][k] += values[k] / n as f64;
                             sums[1][k] += values[k] * values[k] / n as f64;
@@ -291,16 +292,19 @@ mod tests {
                     }
                 }
                 for k in 0..6 {
-                    let [left, drawn] = sums.map(|of| of[0][k]);
+                    let [outgoing, drawn] = sums.map(|of| of[0][k]);
                     let se = sums.map(|of| (of[1][k] - of[0][k] * of[0][k]).max(0.0) / n as f64);
                     let se = (se[0] + se[1]).sqrt();
-                    assert!((left - drawn).abs() < 4.5 * se + 1e-3, "{eta} {alpha} {z} {k}: {left} {drawn} {se}");
+                    assert!(
+                        (outgoing - drawn).abs() < 4.5 * se + 1e-3,
+                        "{eta} {alpha} {z} {k}: {outgoing} {drawn} {se}"
+                    );
                 }
             }
         }
     }
 
-    /// At index 1 no facet bends the ray: whatever the roughness, it goes straight through.
+    /// At index 1 no facet refracts the ray, so it is not deflected at any roughness.
     #[test]
     fn matched_index_changes_nothing() {
         let mut rng = Pcg64Mcg::seed_from_u64(1);
@@ -360,8 +364,9 @@ mod tests {
         }
     }
 
-    /// The facet seen from wi has the density D(m) max(m.wi, 0) / sigma(wi), sigma the projected area of all
-    /// facets: its mean m.z by quadrature over GGX, for directions above and below the horizon.
+    /// The facet visible from wi has the density D(m) max(m.wi, 0) / sigma(wi), sigma the projected area of
+    /// all facets. The test compares its mean m.z with a quadrature over GGX, for directions above and below
+    /// the horizon.
     #[test]
     fn visible_normals_follow_ggx() {
         let m = RoughDielectric { eta: 1.5, alpha: 0.4 };

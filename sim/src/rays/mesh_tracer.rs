@@ -32,9 +32,9 @@ impl Default for MeshResolution {
     }
 }
 
-/// Mesh length of a ply without twist [um]; any length will do.
+/// Mesh length of a ply without twist [um]; the value is arbitrary.
 const STRAIGHT_PERIOD_UM: f64 = 100.0;
-/// Wraps along z after which a ray counts as lost.
+/// Number of wraps along z after which a ray counts as lost.
 const MAX_WRAPS: u32 = 10_000;
 
 /// BVH tracer of one ply instance.
@@ -124,8 +124,8 @@ impl Tracer for MeshTracer {
             let mut hit = RayHit::none();
             self.bvh.ray_traverse(ray, &mut hit, |ray, i| {
                 let (fiber, lumen) = (self.wall[i] >> 1, self.wall[i] & 1 == 1);
-                // A ray into the material goes against the normal. Only the walls of the medium count, from
-                // the medium's side.
+                // A ray that enters the material runs against the normal. Only the walls of the medium count,
+                // hit from the medium's side.
                 let (wanted, into) = match medium {
                     Medium::Air => (!lumen, true),
                     Medium::Fiber(f) => (fiber == f, false),

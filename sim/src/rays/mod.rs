@@ -1,5 +1,5 @@
-//! Rays in a ply: the next wall, by a march along the screw or by a BVH of triangles; the dielectric wall;
-//! the walk of a path in 3D and in 2D.
+//! Path tracing in a ply: intersection with the next wall, by a march along the screw or by a BVH of
+//! triangles; scattering at rough dielectric and opaque walls; the walk of a path in 3D and in 2D.
 
 pub(crate) mod dielectric;
 pub(crate) mod mesh_tracer;

@@ -7,7 +7,7 @@ use crate::rays::tracer::{Medium, Trace, Tracer, WALL_OFFSET_UM};
 use nalgebra::Vector3;
 use rand::Rng;
 
-/// How a path ended.
+/// The end of a path.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum PathEnd {
     /// It hit no fiber (f_miss).
@@ -29,7 +29,7 @@ pub enum PathEnd {
         pos: Vector3<f32>,
         /// Length in the material, as it counts for absorption [um]. In a core and in a blend's second fibers
         /// it is multiplied by their share of the dye; for an opaque fiber it is the length that its
-        /// reflections stand for (`plywave::fiber::reflections`).
+        /// reflections stand for (`plywave::optics::reflections`).
         length_um: f32,
         /// Wall interactions.
         interactions: u32,
@@ -38,8 +38,8 @@ pub enum PathEnd {
     Killed,
 }
 
-/// Wall interactions after which a path is killed. Smooth fibers guide light for long; rough ones stay far
-/// below.
+/// Number of wall interactions after which a path is killed. Smooth fibers guide light over many
+/// interactions; paths in rough ones stay far below the limit.
 pub const MAX_INTERACTIONS: u32 = 10_000;
 
 /// Traces one path from `pos` [um] outside the ply in unit direction `dir`.
@@ -54,7 +54,7 @@ pub fn trace_path<T: Tracer + ?Sized, R: Rng>(
     walk(|pos, dir, medium| tracer.trace(pos, dir, medium), |_| &surface, pos, dir, rng, |_, _, _| ())
 }
 
-/// Traces one path among fibers of any kind.
+/// Traces one path among fibers of both kinds of a blend.
 pub fn trace_path_among<T: Tracer + ?Sized, R: Rng>(
     tracer: &T,
     surfaces: &Surfaces,
@@ -85,21 +85,22 @@ pub(crate) fn walk<'s, R: Rng>(
 pub(crate) struct AtWall<'s> {
     pub fiber: u32,
     pub wall: &'s Wall,
-    /// Whether it is the wall of a core.
+    /// Whether the wall is that of a core.
     pub lumen: bool,
-    /// Where [um].
+    /// Position of the hit [um].
     pub pos: Vector3<f32>,
     /// Axes of the local frame; the last one is the normal.
     pub axes: [Vector3<f32>; 3],
-    /// The ray's direction in it.
+    /// Direction of the ray in the local frame.
     pub local: Vector3<f32>,
-    /// Whether it comes from outside the material.
+    /// Whether the ray comes from outside the material.
     pub outside: bool,
     /// Length since the last wall that counts for absorption [um].
     pub inside_um: f32,
 }
 
-/// As [`walk`], with the scattering at walls by `scatter`, which returns what [`Wall::scatter`] does.
+/// Walks a path like [`walk`]. The closure `scatter` handles the scattering at walls; it returns the result
+/// of [`Wall::scatter`].
 #[inline(always)]
 pub(crate) fn walk_by<'s, R: Rng>(
     trace: impl Fn(Vector3<f32>, Vector3<f32>, Medium) -> Trace,

@@ -4,9 +4,9 @@
 //! In that frame a ray `p + s d` moves as `q(s) = Rot(-twist d_z s)(q0 + s d_xy)`, at a speed of at most
 //! `|d_xy| + |twist d_z| |q|`. Nothing can be hit within the distance to the nearest wall, and so within
 //! `r + distance` of the axis, which bounds a safe step. Close to a wall the step is Newton's: along a line
-//! the distance to a convex outline is a convex function, so that Newton never passes it from the outside.
-//! Where an outline is dented or the twist bends the line, the sign shows that a step passed the wall, and
-//! the march goes back.
+//! the distance to a convex outline is a convex function, so that Newton never passes it from the outside. If
+//! an outline is dented or the twist bends the line, a step can pass the wall; the sign of the distance then
+//! shows it, and the march steps back.
 //!
 //! The distance to the nearest fiber comes from one grid over the ply. Near the walls its cells name the
 //! fibers whose exact distance is tested: circles in closed form, other outlines by their own grid of
@@ -21,34 +21,34 @@ type V2 = Vector2<f32>;
 
 /// A wall counts as hit when it is closer than this [um]; smaller than the offset that paths start with.
 const HIT_UM: f32 = 2e-4;
-/// Steps after which a march stops without a result.
+/// Maximum number of steps of a march.
 const MAX_STEPS: u32 = 20_000;
-/// Least step along dented walls and walls seen from inside, as motion in the turning frame [um].
+/// Minimum step along dented walls and walls hit from inside, as motion in the turning frame [um].
 const MIN_STEP_UM: f32 = 0.2;
-/// Distance from a dented wall, or one seen from inside, within which Newton's step is taken, up to four safe
+/// Distance from a dented wall, or one hit from inside, within which Newton's step is taken, up to four safe
 /// steps long [um]. The step may pass the wall, which the march detects. To pass out and in again undetected
 /// it would need a dent thinner than its overshoot.
 const NEWTON_WITHIN_UM: f32 = 1.0;
-/// Fibers that one cell of the ply's grid names.
+/// Number of fibers that one cell of the ply's grid names.
 const NEAR: usize = 4;
 /// Marks an unused slot in a cell.
 const NONE: u8 = u8::MAX;
-/// Least free length [um] within which a cell must name every fiber that counts.
+/// Minimum length [um] around a cell within which it must name every fiber.
 const MIN_FREE_UM: f32 = 0.2;
 
 /// Signed distance and its gradient, negative inside, of one outline in the ply's frame.
-enum Wall {
+enum ScrewWall {
     Circle { center: V2, radius: f32 },
     Grid(DistanceGrid),
 }
 
-impl Wall {
-    fn new(outline: &Outline, center: Vector2<f64>, angle: f64) -> Wall {
+impl ScrewWall {
+    fn new(outline: &Outline, center: Vector2<f64>, angle: f64) -> ScrewWall {
         match outline {
-            Outline::Circle { radius_um } => Wall::Circle { center: center.cast(), radius: *radius_um as f32 },
+            Outline::Circle { radius_um } => ScrewWall::Circle { center: center.cast(), radius: *radius_um as f32 },
             Outline::Polyline(points) => {
                 let turn = nalgebra::Rotation2::new(angle);
-                Wall::Grid(DistanceGrid::new(&points.iter().map(|p| center + turn * p).collect::<Vec<_>>()))
+                ScrewWall::Grid(DistanceGrid::new(&points.iter().map(|p| center + turn * p).collect::<Vec<_>>()))
             }
         }
     }
@@ -58,12 +58,12 @@ impl Wall {
     #[inline(always)]
     fn distance(&self, q: V2) -> (f32, V2, bool) {
         match self {
-            Wall::Circle { center, radius } => {
+            ScrewWall::Circle { center, radius } => {
                 let v = q - center;
                 let r = v.norm().max(1e-12);
                 (r - radius, v / r, true)
             }
-            Wall::Grid(grid) => grid.distance(q),
+            ScrewWall::Grid(grid) => grid.distance(q),
         }
     }
 }
@@ -89,7 +89,7 @@ impl DistanceGrid {
         let m = points.len();
         let convex = (0..m).all(|i| {
             let (a, b, c) = (points[i], points[(i + 1) % m], points[(i + 2) % m]);
-            // Dents of less than a milliradian are rounding.
+            // Dents of less than a milliradian count as rounding errors.
             (b - a).perp(&(c - b)) >= -1e-3 * (b - a).norm() * (c - b).norm()
         });
         let (mut lo, mut hi) = (points[0], points[0]);
@@ -97,13 +97,14 @@ impl DistanceGrid {
             (lo, hi) = (lo.inf(p), hi.sup(p));
         }
         let size = (hi - lo).max();
-        // A corner of curvature kappa wants cells of half its radius.
+        // A corner of curvature kappa needs cells of half its radius.
         let cells = ((1.24 * size * 2.0 * max_curvature(points)) as usize).clamp(CELLS.0, CELLS.1);
         let cell = 1.24 * size / cells as f64;
         let origin = (lo + hi) * 0.5 - Vector2::repeat(0.5 * cell * cells as f64);
         let n = cells + 1;
         let mut nodes = vec![[0.0f32; 3]; n * n];
-        // Only edges about as near to a block's center as the nearest one can be nearest to one of its nodes.
+        // An edge can be the nearest one to a node of the block only if it is at most a diagonal farther from
+        // the block's center than the nearest edge.
         let radius = std::f64::consts::FRAC_1_SQRT_2 * cell * (BLOCK - 1) as f64;
         let mut distance = vec![0.0; m];
         let mut near = Vec::new();
@@ -126,8 +127,8 @@ impl DistanceGrid {
         DistanceGrid { origin: origin.cast(), inv_cell: (1.0 / cell) as f32, n, nodes, convex }
     }
 
-    /// Length s at which the line q + s v, which starts inside the outline, is beyond it: in the middle of
-    /// the grid's margin, so that a slightly bent path stays on the grid.
+    /// Length s at which the line q + s v, which starts inside the outline, lies outside of it, in the middle
+    /// of the grid's margin. A slightly bent path then stays on the grid.
     #[inline(always)]
     fn leave(&self, q: V2, v: V2) -> f32 {
         let size = (self.n - 1) as f32 / self.inv_cell;
@@ -154,7 +155,7 @@ impl DistanceGrid {
         };
         let g = V2::new(mix(1), mix(2));
         let g = g / g.norm().max(1e-6);
-        // Beyond the grid, the distance from its edge is a lower bound of the added distance.
+        // Outside of the grid, the distance from its border is a lower bound of the additional distance.
         let beyond = (f - c).norm();
         let d = mix(0);
         if beyond > 2e-3 {
@@ -166,7 +167,7 @@ impl DistanceGrid {
     }
 }
 
-/// Largest curvature of a polyline that samples a smooth outline, from the turn at each point.
+/// Maximum curvature of a polyline that samples a smooth outline, from the turn at each point.
 fn max_curvature(points: &[Vector2<f64>]) -> f64 {
     let m = points.len();
     (0..m)
@@ -212,13 +213,13 @@ fn signed_distance(points: &[Vector2<f64>], near: &[usize], q: Vector2<f64>) -> 
     };
     let sign = if (q - p).dot(&n) < 0.0 { -1.0 } else { 1.0 };
     let d = best.sqrt();
-    // On the line itself the offset has no direction; the normal has.
+    // On the line itself the offset has no direction, so the normal is used.
     let g = if d > 1e-9 { (q - p) * (sign / d) } else { n.normalize() };
     (sign * d, g)
 }
 
-/// A cell of the ply's grid: the nearest fibers, and the distance from any of its points within which no
-/// other fiber counts.
+/// A cell of the ply's grid: the nearest fibers, and a distance from any of its points within which no other
+/// fiber lies.
 #[derive(Clone, Copy)]
 struct Cell {
     free: f32,
@@ -227,8 +228,8 @@ struct Cell {
 
 /// Screw march through one ply instance.
 pub struct ScrewTracer {
-    outer: Vec<Wall>,
-    lumen: Vec<Option<Wall>>,
+    outer: Vec<ScrewWall>,
+    lumen: Vec<Option<ScrewWall>>,
     second: Vec<bool>,
     bound: f32,
     twist: f32,
@@ -238,15 +239,19 @@ pub struct ScrewTracer {
 }
 
 impl ScrewTracer {
-    /// Builds the distance grids of a cross section. None when more fibers crowd around one spot than a cell
-    /// can name even on the finest grid; use the mesh tracer then.
+    /// Builds the distance grids of a cross section. Returns `None` if, even on the finest grid, more fibers
+    /// lie near one cell than it can name; the mesh tracer handles that section.
     pub fn new(section: &PlySection) -> Option<ScrewTracer> {
         if section.fibers.len() >= NONE as usize {
             return None;
         }
-        let outer: Vec<Wall> = section.fibers.iter().map(|f| Wall::new(&f.outer, f.center_um, f.angle_rad)).collect();
-        let lumen =
-            section.fibers.iter().map(|f| f.lumen.as_ref().map(|l| Wall::new(l, f.center_um, f.angle_rad))).collect();
+        let outer: Vec<ScrewWall> =
+            section.fibers.iter().map(|f| ScrewWall::new(&f.outer, f.center_um, f.angle_rad)).collect();
+        let lumen = section
+            .fibers
+            .iter()
+            .map(|f| f.lumen.as_ref().map(|l| ScrewWall::new(l, f.center_um, f.angle_rad)))
+            .collect();
         let mut tracer = ScrewTracer {
             outer,
             lumen,
@@ -260,7 +265,7 @@ impl ScrewTracer {
         [128, 256, 512, 1024].into_iter().any(|n| tracer.fill_cells(n)).then_some(tracer)
     }
 
-    /// Fills an n x n grid; false when a cell with air in it cannot name enough fibers.
+    /// Fills an n x n grid; false if a cell that contains air cannot name enough fibers.
     fn fill_cells(&mut self, n: usize) -> bool {
         let cell = 2.0 * self.bound / n as f32;
         let half_diagonal = std::f32::consts::FRAC_1_SQRT_2 * cell;
@@ -296,7 +301,7 @@ impl ScrewTracer {
 struct TurningRay {
     q0: V2,
     d: V2,
-    /// Turn of the ray in the frame per length, -twist d_z.
+    /// Rotation of the ray in the frame per length, -twist d_z [rad/um].
     rate: f32,
     d_norm: f32,
 }
@@ -324,7 +329,7 @@ impl TurningRay {
         self.rate.abs() * (2.0 * self.d_norm + self.rate.abs() * bound)
     }
 
-    /// A length within which the ray cannot have moved by `distance` in the frame.
+    /// A length within which the ray moves by less than `distance` in the frame.
     #[inline(always)]
     fn safe_step(&self, r: f32, distance: f32) -> f32 {
         distance / (self.d_norm + self.rate.abs() * (r + distance) + 1e-12)
@@ -339,11 +344,11 @@ fn convex_step(d: f32, slope: f32, bend: f32) -> f32 {
     if slope < 0.0 { 2.0 * d / (root - slope) } else { (slope + root) / bend.max(1e-20) }
 }
 
-/// Step towards a wall that is dented, or seen from inside, at a distance `d` > 0 that changes by `slope`.
+/// Step towards a wall that is dented, or hit from inside, at a distance `d` > 0 that changes by `slope`.
 #[inline(always)]
-fn careful_step(d: f32, slope: f32, safe: f32, least: f32) -> f32 {
+fn careful_step(d: f32, slope: f32, safe: f32, min_step: f32) -> f32 {
     let step = if slope < 0.0 && d < NEWTON_WITHIN_UM { (d / -slope).clamp(safe, 4.0 * safe) } else { safe };
-    step.max(least)
+    step.max(min_step)
 }
 
 /// A wall hit by the march: length, position and gradient in the turning frame.
@@ -353,12 +358,12 @@ struct WallHit {
     n: V2,
 }
 
-/// The march was given up.
+/// The march exceeded its step limit.
 struct GivenUp;
 
-/// Length at which the ray passes a wall between `good` (before it) and `bad` (behind it), by Newton kept
-/// within the bracket; `side` is -1 for a wall seen from inside.
-fn crossing(ray: &TurningRay, wall: &Wall, side: f32, mut good: f32, mut bad: f32) -> WallHit {
+/// Length at which the ray passes a wall between `good` (before it) and `bad` (behind it), by Newton's method
+/// safeguarded by bisection; `side` is -1 for a wall hit from inside.
+fn crossing(ray: &TurningRay, wall: &ScrewWall, side: f32, mut good: f32, mut bad: f32) -> WallHit {
     let mut s = bad;
     loop {
         let (q, v) = ray.at(s);
@@ -378,7 +383,7 @@ fn crossing(ray: &TurningRay, wall: &Wall, side: f32, mut good: f32, mut bad: f3
 }
 
 impl ScrewTracer {
-    /// Marches between the fibers; None when the ray leaves the ply.
+    /// Marches between the fibers; `None` if the ray leaves the ply.
     fn march_air(&self, ray: &TurningRay) -> Result<Option<(WallHit, u32)>, GivenUp> {
         let (mut s, mut before) = (0.0f32, 0.0f32);
         let bend = ray.bend(self.bound);
@@ -390,7 +395,7 @@ impl ScrewTracer {
             }
             let cell = self.cell(q);
             let mut step = ray.safe_step(r, cell.free);
-            let least = MIN_STEP_UM / (v.norm() + 1e-6);
+            let min_step = MIN_STEP_UM / (v.norm() + 1e-6);
             for &f in &cell.near {
                 if f == NONE {
                     break;
@@ -405,12 +410,12 @@ impl ScrewTracer {
                     if d <= -HIT_UM && s > before {
                         return Ok(Some((crossing(ray, wall, 1.0, before, s), f as u32)));
                     }
-                    // Leaving the wall, or grazing past it.
-                    step = step.min(least);
+                    // The ray leaves the wall, or grazes past it.
+                    step = step.min(min_step);
                 } else if convex {
                     step = step.min(convex_step(d, slope, bend));
                 } else {
-                    step = step.min(careful_step(d, slope, ray.safe_step(r, d), least));
+                    step = step.min(careful_step(d, slope, ray.safe_step(r, d), min_step));
                 }
             }
             before = s;
@@ -419,14 +424,14 @@ impl ScrewTracer {
         Err(GivenUp)
     }
 
-    /// Marches within a fiber or its lumen to the next wall; true when it is the lumen's.
+    /// Marches within a fiber or its lumen to the next wall; true if that is the wall of the lumen.
     fn march_inside(&self, ray: &TurningRay, fiber: u32, in_lumen: bool) -> Result<(WallHit, bool), GivenUp> {
         let outer = &self.outer[fiber as usize];
         let lumen = self.lumen[fiber as usize].as_ref();
         let bend = ray.bend(self.bound);
         let quick = match lumen {
-            None => leave_convex(ray, outer).map(|met| (met, false)),
-            Some(core) if in_lumen => leave_convex(ray, core).map(|met| (met, true)),
+            None => leave_convex(ray, outer).map(|hit| (hit, false)),
+            Some(core) if in_lumen => leave_convex(ray, core).map(|hit| (hit, true)),
             Some(core) => leave_ring(ray, outer, core, bend),
         };
         if let Some(found) = quick {
@@ -437,14 +442,14 @@ impl ScrewTracer {
             let (q, v) = ray.at(s);
             let r = q.norm();
             let mut step = f32::INFINITY;
-            let least = MIN_STEP_UM / (v.norm() + 1e-6);
+            let min_step = MIN_STEP_UM / (v.norm() + 1e-6);
             for (wall, is_lumen) in [(Some(outer), false), (lumen, true)] {
                 let Some(wall) = wall else { continue };
                 if in_lumen && !is_lumen {
                     continue;
                 }
-                // Distance on the side of the medium: outside the lumen in the material, inside the wall
-                // otherwise.
+                // The distance is positive in the medium, which lies outside the lumen's wall in the material
+                // and inside the wall otherwise.
                 let side = if is_lumen && !in_lumen { 1.0 } else { -1.0 };
                 let (d, n, convex) = wall.distance(q);
                 let (d, slope) = (side * d, side * v.dot(&n));
@@ -455,11 +460,11 @@ impl ScrewTracer {
                     if d <= -HIT_UM && s > before {
                         return Ok((crossing(ray, wall, side, before, s), is_lumen));
                     }
-                    step = step.min(least);
+                    step = step.min(min_step);
                 } else if convex && side > 0.0 {
                     step = step.min(convex_step(d, slope, bend));
                 } else {
-                    step = step.min(careful_step(d, slope, ray.safe_step(r, d), least));
+                    step = step.min(careful_step(d, slope, ray.safe_step(r, d), min_step));
                 }
             }
             before = s;
@@ -469,24 +474,24 @@ impl ScrewTracer {
     }
 }
 
-/// The point where a ray leaves a convex outline, by Newton from beyond: along a straight line the distance
-/// is a convex function, so that Newton converges to its larger root from the outside. None when the outline
-/// is dented or the twist bends the ray too much; the ray is then marched.
+/// The point where a ray leaves a convex outline, by Newton's method from outside. Along a straight line the
+/// distance is a convex function, so that Newton's method converges to its larger root. Returns `None` if the
+/// outline is dented or the twist bends the ray too much; the ray is then marched.
 #[inline(always)]
-fn leave_convex(ray: &TurningRay, wall: &Wall) -> Option<WallHit> {
+fn leave_convex(ray: &TurningRay, wall: &ScrewWall) -> Option<WallHit> {
     let (q, v) = ray.at(0.0);
-    // A point on the ray's tangent that is certainly not inside.
+    // A point on the ray's tangent that is never inside.
     let s = match wall {
-        Wall::Circle { center, .. } => -2.0 * (q - center).dot(&v) / v.norm_squared().max(1e-12),
-        Wall::Grid(grid) if grid.convex => grid.leave(q, v),
-        Wall::Grid(_) => return None,
+        ScrewWall::Circle { center, .. } => -2.0 * (q - center).dot(&v) / v.norm_squared().max(1e-12),
+        ScrewWall::Grid(grid) if grid.convex => grid.leave(q, v),
+        ScrewWall::Grid(_) => return None,
     };
     leave_from(ray, wall, s)
 }
 
-/// The same by Newton from `s`, at or beyond the exit.
+/// The point where a ray leaves a convex outline, by Newton's method from `s` at or beyond the exit.
 #[inline(always)]
-fn leave_from(ray: &TurningRay, wall: &Wall, mut s: f32) -> Option<WallHit> {
+fn leave_from(ray: &TurningRay, wall: &ScrewWall, mut s: f32) -> Option<WallHit> {
     if !(s > 0.0 && ray.rate.abs() * s < 0.3) {
         return None;
     }
@@ -512,27 +517,28 @@ fn leave_from(ray: &TurningRay, wall: &Wall, mut s: f32) -> Option<WallHit> {
     None
 }
 
-/// Steps towards a core after which the ray is marched.
+/// Number of steps towards a core after which the ray is marched.
 const CORE_STEPS: u32 = 32;
 
-/// The next wall of a ray in the material between two circles; true when it is the inner one's. The ray
-/// leaves the outer circle as a full one. It misses the inner circle when its tangent stays further away than
-/// the twist can bend the ray; else steps that cannot pass a convex wall lead to it, or past it. None for
-/// other outlines and undecided cases.
+/// The next wall of a ray in the material between two circles; true if it is the inner one. The exit from the
+/// outer circle is found as for a solid fiber. The ray misses the inner circle if its tangent stays farther
+/// away than the twist can bend the ray. Otherwise it advances by steps that cannot pass a convex wall.
+/// Returns `None` for other outlines and undecided cases.
 #[inline(always)]
-fn leave_ring(ray: &TurningRay, outer: &Wall, core: &Wall, bend: f32) -> Option<(WallHit, bool)> {
-    let (Wall::Circle { center, radius }, Wall::Circle { center: within, radius: inner }) = (outer, core) else {
+fn leave_ring(ray: &TurningRay, outer: &ScrewWall, core: &ScrewWall, bend: f32) -> Option<(WallHit, bool)> {
+    let (ScrewWall::Circle { center, radius }, ScrewWall::Circle { center: within, radius: inner }) = (outer, core)
+    else {
         return None;
     };
     let (q, v) = ray.at(0.0);
     let a = v.norm_squared().max(1e-12);
     let (from, b) = (q - center, (q - center).dot(&v));
     let disc = b * b - a * (from.norm_squared() - radius * radius);
-    let met = leave_from(ray, outer, (disc.max(0.0).sqrt() - b) / a)?;
+    let hit = leave_from(ray, outer, (disc.max(0.0).sqrt() - b) / a)?;
     let to = within - q;
-    let nearest = (to - v * (to.dot(&v) / a).clamp(0.0, met.s)).norm();
-    if nearest - 0.5 * bend * met.s * met.s > *inner {
-        return Some((met, false));
+    let nearest = (to - v * (to.dot(&v) / a).clamp(0.0, hit.s)).norm();
+    if nearest - 0.5 * bend * hit.s * hit.s > *inner {
+        return Some((hit, false));
     }
     let mut s = 0.0;
     for _ in 0..CORE_STEPS {
@@ -543,8 +549,8 @@ fn leave_ring(ray: &TurningRay, outer: &Wall, core: &Wall, bend: f32) -> Option<
             return (slope < 0.0 && d > -HIT_UM).then_some((WallHit { s, q, n }, true));
         }
         s += convex_step(d, slope, bend);
-        if s >= met.s {
-            return Some((met, false));
+        if s >= hit.s {
+            return Some((hit, false));
         }
     }
     None
@@ -571,17 +577,17 @@ impl Tracer for ScrewTracer {
         let found = match medium {
             Medium::Air => match self.march_air(&ray) {
                 Ok(None) => return Trace::Escaped,
-                Ok(Some((met, fiber))) => Ok((met, fiber, false)),
+                Ok(Some((hit, fiber))) => Ok((hit, fiber, false)),
                 Err(GivenUp) => Err(GivenUp),
             },
-            Medium::Fiber(f) => self.march_inside(&ray, f, false).map(|(met, lumen)| (met, f, lumen)),
-            Medium::Lumen(f) => self.march_inside(&ray, f, true).map(|(met, lumen)| (met, f, lumen)),
+            Medium::Fiber(f) => self.march_inside(&ray, f, false).map(|(hit, lumen)| (hit, f, lumen)),
+            Medium::Lumen(f) => self.march_inside(&ray, f, true).map(|(hit, lumen)| (hit, f, lumen)),
         };
         let Ok((WallHit { s, q, n }, fiber, lumen)) = found else { return Trace::Lost };
-        // The normal points into the air: out of the fiber, or into the lumen.
+        // The normal points into the air, out of the fiber or into the lumen.
         let n = if lumen { -n } else { n };
-        // Gradient of sdf2D(Rot(-twist z)(x, y)): in the frame (n, twist (q.y n.x - q.x n.y)), turned back by
-        // the angle at the hit.
+        // The gradient of sdf2D(Rot(-twist z)(x, y)) in the turning frame is (n, twist (q.y n.x - q.x n.y));
+        // it is rotated back by the angle at the hit.
         let (sin, cos) = (self.twist * (pos.z + s * dir.z)).sin_cos();
         let normal = Vector3::new(cos * n.x - sin * n.y, sin * n.x + cos * n.y, self.twist * (q.y * n.x - q.x * n.y))
             .normalize();

@@ -1,13 +1,12 @@
 //! Optical surfaces of fibers: their walls, and the absorption within.
 //!
 //! An opaque fiber's wall is the GGX microsurface of [`RoughDielectric`] whose facets all reflect (Heitz et
-//! al. 2016, the conductor). The walk loses no energy: the absorption of the facets is kept as a length,
-//! [`Reflections`], which weights the path for every absorption afterwards, as its length in a dielectric
-//! does.
+//! al. 2016, the conductor). The walk loses no energy: the absorption at the facets is recorded as a length,
+//! [`Reflections`], which weights the path for every absorption afterwards, like its length in a dielectric.
 
 use crate::rays::dielectric::{MAX_ORDER, RoughDielectric, Scattered};
 use nalgebra::Vector3;
-use plywave::fiber::Reflections;
+use plywave::optics::Reflections;
 use plywave::spec::{FiberSpec, YarnSpec};
 use rand::{Rng, RngExt};
 
@@ -27,9 +26,9 @@ impl RoughConductor {
         self.walk(dir, rng, |cos| self.reflections.length_um(cos), |_, _, _| ())
     }
 
-    /// The walk over the microsurface. Returns the direction and the sum of `of_facet` over the cosines of
-    /// incidence at the facets. `on_facet` is told, before a facet of a rough wall reflects, of direction,
-    /// height and the sum so far.
+    /// Walk over the microsurface. Returns the direction and the sum of `of_facet` over the cosines of
+    /// incidence at the facets. Before each reflection at a facet of a rough wall, `on_facet` receives the
+    /// direction, the height and the sum so far.
     pub(crate) fn walk<R: Rng>(
         &self,
         dir: Vector3<f32>,
@@ -43,14 +42,14 @@ impl RoughConductor {
             let cos = (-w.dot(&n)).max(0.0);
             *sum += of_facet(cos);
             *w += n * (2.0 * cos);
-            // One Newton step of the normalization, as in the dielectric.
+            // One Newton step of the normalization, like in the dielectric.
             *w *= 1.5 - 0.5 * w.norm_squared();
         };
         if self.alpha <= 0.0 {
             reflect(&mut w, &mut sum, Vector3::z());
             return (Scattered { dir: w, outside: true, order: 1 }, sum);
         }
-        // Heights and normals are those of the dielectric's microsurface, whatever its index.
+        // Heights and normals are those of a dielectric's microsurface, which do not depend on its index.
         let micro = RoughDielectric { eta: 1.0, alpha: self.alpha };
         let mut c = 1.0f32;
         while let Some(next) = micro.next_height(w, c, rng.random::<f32>()) {
@@ -67,18 +66,18 @@ impl RoughConductor {
     }
 }
 
-/// A wall.
+/// The optical interface of a fiber's wall.
 #[derive(Clone, Debug)]
 pub enum Wall {
-    /// Light is reflected or passes.
+    /// Light is reflected or transmitted.
     Dielectric(RoughDielectric),
     /// Light is reflected or absorbed.
     Opaque(RoughConductor),
 }
 
 impl Wall {
-    /// Scatters a ray that propagates along `dir` (local frame, z along the normal, which points outside),
-    /// and returns the length that reflections of an opaque wall stand for [um], 0 of others.
+    /// Scatters a ray that propagates along `dir` (local frame, z along the normal, which points outside).
+    /// Returns also the length that the reflections of an opaque wall stand for [um], 0 for other walls.
     #[inline(always)]
     pub(crate) fn scatter<R: Rng>(&self, dir: Vector3<f32>, outside: bool, rng: &mut R) -> (Scattered, f32) {
         match self {
@@ -87,18 +86,19 @@ impl Wall {
         }
     }
 
-    /// The same; `seen` is told, an event at a time, of the density [1/sr] with which the ray leaves to the
-    /// outside in direction `wo`, and of the length that reflections on that way stand for [um].
+    /// Scatters a ray like [`Wall::scatter`]. At each event `on_event` receives the density [1/sr] with which
+    /// the ray leaves to the outside in direction `wo`, and the length that reflections on that path stand
+    /// for [um].
     pub(crate) fn scatter_toward<R: Rng>(
         &self,
         dir: Vector3<f32>,
         outside: bool,
         rng: &mut R,
         wo: Vector3<f32>,
-        mut seen: impl FnMut(f32, f32),
+        mut on_event: impl FnMut(f32, f32),
     ) -> (Scattered, f32) {
         match self {
-            Wall::Dielectric(wall) => (wall.walk(dir, outside, rng, |at| seen(wall.toward(at, wo), 0.0)), 0.0),
+            Wall::Dielectric(wall) => (wall.walk(dir, outside, rng, |at| on_event(wall.toward(at, wo), 0.0)), 0.0),
             Wall::Opaque(wall) => {
                 let micro = RoughDielectric { eta: 1.0, alpha: wall.alpha };
                 let length_um = |cos: f32| wall.reflections.length_um(cos);
@@ -106,14 +106,14 @@ impl Wall {
                     if wo.z > 1e-4
                         && let Some((density, cos)) = micro.mirrored(w, c, wo)
                     {
-                        seen(density, before_um + length_um(cos));
+                        on_event(density, before_um + length_um(cos));
                     }
                 })
             }
         }
     }
 
-    /// Whether no part of it is a mirror.
+    /// Whether the wall is rough, so that its scattering has a density.
     pub(crate) fn is_rough(&self) -> bool {
         match self {
             Wall::Dielectric(wall) => wall.alpha > 0.0,
@@ -122,18 +122,17 @@ impl Wall {
     }
 }
 
-/// One kind of fibers, as rays see it.
+/// Optical surface of one kind of fibers.
 #[derive(Clone, Debug)]
 pub struct FiberSurface {
     /// The outer wall.
     pub outer: Wall,
-    /// The wall of the core, its normal from the material into the core: index of the material over that of
-    /// the core.
+    /// The wall of the core. Its normal points from the material into the core, and its index is that of the
+    /// material over that of the core.
     pub inner: Wall,
-    /// Length that counts for absorption per length in the material: 1, or for a blend's second fibers their
-    /// share of the dye.
+    /// Absorbing length per length in the material: 1, or the share of the dye for a blend's second fibers.
     pub absorbs: f32,
-    /// The same in the core.
+    /// Absorbing length per length in the core.
     pub core_absorbs: f32,
 }
 
@@ -143,8 +142,8 @@ impl FiberSurface {
         FiberSurface { outer: Wall::Dielectric(wall), inner: Wall::Dielectric(wall), absorbs: 1.0, core_absorbs: 0.0 }
     }
 
-    /// Surface of a spec's fiber at a wavelength [um], whose absorption is `dye` times that of the ply's
-    /// first fibers.
+    /// Surface of a spec's fiber at a wavelength [um]. Its absorption is `dye` times that of the ply's first
+    /// fibers.
     pub fn new(fiber: &FiberSpec, lambda_um: f64, dye: f64) -> FiberSurface {
         let alpha = fiber.alpha_fiber as f32;
         let wall = |eta: f64| Wall::Dielectric(RoughDielectric { eta: eta as f32, alpha });
@@ -178,7 +177,7 @@ impl Surfaces {
         Surfaces { first: FiberSurface::new(&spec.fiber, lambda_um, 1.0), second: spec.blend.as_ref().map(of_blend) }
     }
 
-    /// Whether there are two kinds.
+    /// Whether there are two kinds of fibers.
     #[inline(always)]
     pub fn is_blend(&self) -> bool {
         self.second.is_some()
@@ -197,7 +196,7 @@ impl Surfaces {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use plywave::fiber::{Metal, OpaqueIndex, conductor};
+    use plywave::optics::{Metal, OpaqueIndex, conductor};
     use rand::SeedableRng;
     use rand_pcg::Pcg64Mcg;
 
@@ -205,7 +204,7 @@ mod tests {
         RoughConductor { alpha, reflections: Reflections::new(OpaqueIndex::Metal(Metal::Gold)) }
     }
 
-    /// A smooth wall is a mirror: it keeps the angle and reflects Fresnel's reflectance.
+    /// A smooth wall is a mirror: it preserves the angle and has Fresnel's reflectance.
     #[test]
     fn smooth_walls_are_mirrors() {
         let mut rng = Pcg64Mcg::seed_from_u64(1);
@@ -217,8 +216,8 @@ mod tests {
         }
     }
 
-    /// Reciprocity of a lossless surface: light that is even over the hemisphere stays even, whatever the
-    /// roughness. Mean cosine 2/3, nothing below.
+    /// A lossless surface preserves uniform radiance over the hemisphere for any roughness, by reciprocity:
+    /// the mean cosine is 2/3, and no light goes below the surface.
     #[test]
     fn even_light_stays_even() {
         let mut rng = Pcg64Mcg::seed_from_u64(2);
@@ -240,8 +239,8 @@ mod tests {
         }
     }
 
-    /// Weights by length agree with a walk absorbed facet by facet, by Fresnel's reflectance of the
-    /// wavelength, to 0.02: the lengths share one course over the angle.
+    /// Weights by length agree to 0.02 with a walk that is absorbed at each facet by Fresnel's reflectance at
+    /// the wavelength. They differ since all lengths share one dependence on the angle.
     #[test]
     fn lengths_absorb_as_facets_do() {
         let mut rng = Pcg64Mcg::seed_from_u64(3);

@@ -1,8 +1,8 @@
 //! Interface of the path walk to the geometry: the next fiber wall along a ray, in the ray's medium.
 //!
 //! Two tracers implement it: [`crate::ScrewTracer`] marches through the screw sweep of a 2D picture,
-//! [`crate::MeshTracer`] traces triangles in a BVH. The medium is kept by fiber identity, never by the sign
-//! of a normal, so that a ray in a fiber sees only that fiber's walls.
+//! [`crate::MeshTracer`] traces triangles in a BVH. The medium is identified by the fiber, never by the sign
+//! of a normal, so that a ray in a fiber intersects only that fiber's walls.
 
 use nalgebra::Vector3;
 
@@ -48,7 +48,7 @@ pub enum Trace {
     Lost,
 }
 
-/// Geometry of one ply instance, as the path walk sees it.
+/// Geometry of one ply instance for the path walk.
 pub trait Tracer: Sync {
     /// Radius of the cylinder about the z axis that contains every fiber [um].
     fn bound_radius_um(&self) -> f32;

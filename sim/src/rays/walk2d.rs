@@ -1,9 +1,9 @@
 //! The path walk in 2D: parallel fibers, any incident latitude, one ply instance (Yu 2025, 4.4 and 4.5).
 //!
 //! Light that hits smooth parallel fibers stays on the specular cone theta_o = -theta_i, so that its
-//! distribution is over the azimuth alone. The walk is the same as in 3D, through the same tracer, over a
-//! cross section that does not turn. It serves comparison with 2D wave optics, which sees one fixed instance:
-//! nothing is turned at random here.
+//! distribution is over the azimuth alone. The walk is the same as in 3D, with the same tracer, over a cross
+//! section without twist. It serves the comparison with 2D wave optics for one fixed instance, so nothing is
+//! rotated at random.
 
 use crate::error::SimError;
 use crate::geometry::section::PlySection;
@@ -56,7 +56,7 @@ pub struct Azimuthal {
     pub cone_spread_rad2: f64,
 }
 
-/// Traces the beam of `walk` through `section`, whose fibers count as parallel.
+/// Traces the beam of `walk` through `section`, with its fibers taken as parallel.
 ///
 /// # Errors
 /// [`SimError::TooCrowded`] when the screw march cannot resolve the section.
@@ -87,7 +87,7 @@ pub fn walk_2d(section: &PlySection, walk: &Walk2d) -> Result<Azimuthal, SimErro
         let normal: [f32; 3] = std::array::from_fn(|_| rng.sample(StandardNormal));
         let x = walk.h_um as f32 + sd * normal[0];
         let dir = (forward + Vector3::x() * (angular_sd * normal[1]) + across * (angular_sd * normal[2])).normalize();
-        // Start far enough back along the ray to be outside the ply.
+        // The ray starts outside the ply.
         let back = 2.0 * (x.abs() + crate::rays::tracer::Tracer::bound_radius_um(&tracer)) / dir.xy().norm().max(1e-3);
         let end = trace_path(&tracer, &surface, Vector3::new(x, 0.0, 0.0) - dir * back, dir, &mut rng);
         let mut cone = |dir: Vector3<f32>| {

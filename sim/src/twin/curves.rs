@@ -1,10 +1,10 @@
-//! The twin of a cloth of curves: every fiber of every ply swept along the ply's curve.
+//! The fibers of a twin: every fiber of every ply swept along the curve of the ply.
 //!
 //! The traced domain is a rectangle of whole cells. A curve and its images form closed loops on it, each with
-//! packed sections of its own. Sections stand at right angles to the curve and turn with a
-//! rotation-minimizing frame (Wang, Juettler, Zheng and Liu, "Computation of rotation minimizing frames", ACM
-//! Transactions on Graphics 27, 2008), to which fibers wind by the twist of their spec, changed a little so
-//! that they close. The domain holds each piece of a tube that reaches into it.
+//! its own packed section. Sections are perpendicular to the curve and rotate with a rotation-minimizing
+//! frame (Wang, Juettler, Zheng and Liu, "Computation of rotation minimizing frames", ACM Transactions on
+//! Graphics 27, 2008). Relative to that frame, fibers wind by the twist of their spec, adjusted slightly so
+//! that they close. The domain contains every piece of a tube that reaches into it.
 
 use super::domain::{Domain, MAX_QUADS, PitchUsed, outline_share};
 use super::hair_walls::add_hair;
@@ -15,12 +15,13 @@ use crate::cloth::{Hair, HairKind, HairRoots};
 use crate::error::SimError;
 use crate::geometry::outline::Outline;
 use crate::geometry::section::PlySection;
-use crate::simulate::stream;
+use crate::seeds::stream;
 use nalgebra::Rotation2;
 use plywave::Error;
-use plywave::cloth::{ClothCurves, Hairs, Lattice, PlyCurve, YarnSet};
+use plywave::cloth::{ClothCurves, Lattice, PlyCurve};
 use plywave::math::vec3::{cross, unit};
-use plywave::spec::YarnSpec;
+use plywave::spec::{Twist, YarnSpec};
+use plywave_textile::{Hairs, YarnSet};
 use rand::RngExt;
 use rand_pcg::Pcg64Mcg;
 use rayon::prelude::*;
@@ -31,21 +32,21 @@ use std::f64::consts::TAU;
 /// A vector of three.
 type V3 = [f64; 3];
 
-/// Difference of two numbers of the same cloth, over them.
+/// Relative difference up to which two numbers are those of the same cloth.
 const SAME: f64 = 1e-6;
-/// Largest difference of a curve's radius from its ply's, over it.
+/// Maximum relative difference between the radius of a curve and that of its ply.
 const MAX_RADIUS_OFF: f64 = 0.02;
-/// Most vectors of the cell along a side of the least rectangle.
+/// Maximum multiple of a cell vector along a side of the minimal rectangle.
 const MAX_CELLS: i32 = 512;
-/// Most cells of the least rectangle.
+/// Maximum number of cells of the minimal rectangle.
 const MAX_RECTANGLE: f64 = 4096.0;
-/// Least number of yarns of a kind that a domain has of its own.
+/// Minimum number of distinct yarns of a kind in a domain whose size is chosen automatically.
 const MIN_YARNS: usize = 4;
-/// Largest sides of a domain that is chosen [repeats].
+/// Maximum side of a domain whose size is chosen automatically [repeats].
 const MAX_REPEATS: u32 = 8;
 /// Length by which pieces reach beyond the domain [um].
 const MARGIN_UM: f64 = 5.0;
-/// Most sections drawn until one fits its ply.
+/// Maximum number of sections drawn until one fits its ply.
 const DRAWS: u32 = 8;
 
 /// A cloth of explicit fibers along curves.
@@ -57,15 +58,15 @@ pub struct TwinCurves {
     pub curves: ClothCurves,
     /// Specs of the plies, by kind of yarn.
     pub yarns: Vec<YarnSpec>,
-    /// Hairs, by kind of yarn; empty where there are none.
+    /// Hairs, by kind of yarn; empty for a cloth without hairs.
     hairs: Vec<Option<Hairs>>,
     lattice: Lattice,
-    /// The least rectangle: two combinations of the vectors of the cell, along x and along y.
+    /// The minimal rectangle: two integer combinations of the cell vectors, along x and along y.
     rectangle: [[i32; 2]; 2],
     text: String,
 }
 
-/// The text of a cloth, as JSON.
+/// Contents of a cloth's text, which is JSON.
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Text {
@@ -78,9 +79,9 @@ struct Text {
     hairs: Vec<Option<Hairs>>,
 }
 
-/// A text as it is kept.
+/// Serializes a text.
 fn written(text: &Text) -> String {
-    // Strings, finite numbers and lists: nothing that JSON cannot hold.
+    // Serialization cannot fail for strings, finite numbers and lists.
     serde_json::to_string(text).unwrap_or_default()
 }
 
@@ -88,21 +89,18 @@ fn refuse(key: &str, value: String, hint: String) -> SimError {
     Error::Invalid { file: "cloth".into(), key: key.into(), value, hint }.into()
 }
 
-/// The least combination of the vectors along an axis.
+/// The shortest integer combination of the cell vectors along an axis.
 fn along_axis(lattice: &Lattice, axis: usize) -> Option<[i32; 2]> {
     let scale = lattice.area_um2().sqrt();
     let of = |i: i32, j: i32| lattice.vector([i, j]);
     let mut best: Option<(f64, [i32; 2])> = None;
     for i in -MAX_CELLS..=MAX_CELLS {
-        // The multiple of the second vector that brings the other coordinate nearest to 0.
+        // Multiple of the second vector that minimizes the absolute value of the other coordinate.
         let (a, b) = (of(i, 0)[1 - axis], of(0, 1)[1 - axis]);
         let candidates = if b.abs() > 1e-9 * scale { vec![(-a / b).round() as i32] } else { (-1..=1).collect() };
         for j in candidates.into_iter().filter(|j| j.abs() <= MAX_CELLS) {
             let v = of(i, j);
-            if v[1 - axis].abs() < 1e-6 * scale
-                && v[axis] > 1e-6 * scale
-                && best.is_none_or(|(least, _)| v[axis] < least)
-            {
+            if v[1 - axis].abs() < 1e-6 * scale && v[axis] > 1e-6 * scale && best.is_none_or(|(min, _)| v[axis] < min) {
                 best = Some((v[axis], [i, j]));
             }
         }
@@ -114,8 +112,8 @@ impl TwinCurves {
     /// A cloth from curves and, by kind of yarn, the text of the spec of its plies.
     ///
     /// # Errors
-    /// [`plywave::Error::Invalid`] for a kind without spec, plies of another radius than the curves, and
-    /// cells that no rectangle has; those of the yarn specs.
+    /// [`plywave::Error::Invalid`] for a kind without a spec, for plies whose radius is not that of the
+    /// curves, and for cells that tile no rectangle; also the errors of the yarn specs.
     pub fn new(name: &str, curves: ClothCurves, specs: Vec<String>) -> Result<TwinCurves, SimError> {
         curves.check("cloth")?;
         let lattice = curves.lattice("cloth")?;
@@ -145,7 +143,7 @@ impl TwinCurves {
         Ok(TwinCurves { name: name.into(), curves, yarns, hairs: Vec::new(), lattice, rectangle: [x, y], text })
     }
 
-    /// The cloth with hairs, by kind of yarn.
+    /// This cloth with the given hairs, by kind of yarn.
     #[must_use]
     pub fn with_hairs(mut self, hairs: Vec<Option<Hairs>>) -> TwinCurves {
         self.hairs = if hairs.iter().any(Option::is_some) { hairs } else { Vec::new() };
@@ -155,19 +153,19 @@ impl TwinCurves {
         self
     }
 
-    /// A cloth from its own text; `None` for text of another kind.
+    /// Parses a cloth from its text; `None` for text of another kind.
     ///
     /// # Errors
-    /// As [`TwinCurves::new`].
+    /// The errors of [`TwinCurves::new`].
     pub fn parse(text: &str) -> Option<Result<TwinCurves, SimError>> {
         let Text { name, curves, yarns, hairs } = serde_json::from_str(text).ok()?;
         Some(TwinCurves::new(&name, curves, yarns).map(|cloth| cloth.with_hairs(hairs)))
     }
 
-    /// What is not the same in a cloth of these curves and, by kind of yarn, texts of the specs of its plies
-    /// and hairs; `None` where all is.
+    /// Name of the first property that differs in a cloth of these curves with, by kind of yarn, these texts
+    /// of ply specs and these hairs; `None` if the cloths are equal.
     pub fn difference(&self, curves: &ClothCurves, specs: &[String], hairs: &[Option<Hairs>]) -> Option<&'static str> {
-        // Numbers come from a text.
+        // Numbers may have been rounded in a text.
         let is_near = |a: f64, b: f64| (a - b).abs() <= SAME * (1.0 + a.abs());
         let all_near = |a: &[f64], b: &[f64]| a.len() == b.len() && a.iter().zip(b).all(|(a, b)| is_near(*a, *b));
         if !all_near(self.curves.cell_um.as_flattened(), curves.cell_um.as_flattened()) {
@@ -193,17 +191,18 @@ impl TwinCurves {
         (0..self.yarns.len()).any(|kind| of(&self.hairs, kind) != of(hairs, kind)).then_some("hairs")
     }
 
-    /// Its text: all that the fibers depend on, except the seed.
+    /// Its text, which has everything that the fibers depend on, except for the seed.
     pub fn text(&self) -> &str {
         &self.text
     }
 
-    /// Size of the least rectangle along x and y [um].
+    /// Size of the minimal rectangle along x and y [um].
     pub fn repeat_um(&self) -> [f64; 2] {
         [0, 1].map(|k| self.lattice.vector(self.rectangle[k])[k])
     }
 
-    /// The domain, of these repeats or of as many as give each kind of yarn some of its own.
+    /// The domain of these repeats. `None` chooses as many as give each kind of yarn [`MIN_YARNS`] distinct
+    /// yarns, within [`MAX_REPEATS`] and [`MAX_QUADS`].
     pub(super) fn domain(&self, repeats: Option<[u32; 2]>, mesh: &TwinMesh) -> Domain {
         let of = |repeats: [u32; 2]| {
             let loops = self.loops(repeats);
@@ -224,8 +223,8 @@ impl TwinCurves {
             });
             Domain { repeats, size_um, yarns, pitches }
         };
-        if let Some(given) = repeats {
-            return of(given.map(|n| n.max(1)));
+        if let Some(requested) = repeats {
+            return of(requested.map(|n| n.max(1)));
         }
         let kinds = 1 + usize::from(self.curves.yarns.iter().any(|yarn| yarn.kind > 0));
         let mut best = of([1, 1]);
@@ -243,21 +242,21 @@ impl TwinCurves {
         best
     }
 
-    /// The pitch of a loop's fibers, with that of the spec.
+    /// Traced pitch of a loop's fibers with that of the spec; `None` for fibers without a pitch.
     fn pitch(&self, of: &Loop<'_>) -> Option<PitchUsed> {
         let spec_um = self.yarns[of.kind].ply.fiber_pitch_um?;
-        let path = Path::new(&self.lattice, of, &TwinMesh::default(), self.yarns[of.kind].ply.twist_per_um());
+        let path = Path::new(&self.lattice, of, &TwinMesh::default(), self.yarns[of.kind].ply.twist());
         let used_um = TAU / path.twist.abs().max(1e-12);
         Some(PitchUsed { family: YarnSet::EACH[of.kind.min(1)], spec_um, used_um })
     }
 
-    /// Place of a combination of vectors on the torus of the domain, as two whole numbers.
+    /// Position of a combination of cell vectors on the torus of the domain, as two integers for comparison.
     fn place(&self, steps: [i32; 2], size: [f64; 2]) -> [i64; 2] {
         let v = self.lattice.vector(steps);
         [0, 1].map(|k| (((v[k] / size[k] + 1e-7).rem_euclid(1.0)) * 1e6).round() as i64)
     }
 
-    /// The size of a domain [um], and its cells by their places.
+    /// Size of a domain [um], and its cells by their positions on the torus.
     fn cells(&self, repeats: [u32; 2]) -> ([f64; 2], BTreeMap<[i64; 2], [i32; 2]>) {
         let repeat = self.repeat_um();
         let size = [0, 1].map(|k| repeat[k] * f64::from(repeats[k]));
@@ -280,7 +279,7 @@ impl TwinCurves {
         self.hairs(&self.loops(repeats), repeats, seed).unwrap().concat()
     }
 
-    /// What the hairs of the cloth grow from; `None` where it has none.
+    /// Generator of the hairs of the cloth; `None` for a cloth without hairs.
     fn hair_roots(&self) -> Result<Option<HairRoots<'_>>, SimError> {
         if self.hairs.is_empty() {
             return Ok(None);
@@ -290,8 +289,8 @@ impl TwinCurves {
         HairRoots::new(&self.curves, kinds.collect()).map(Some)
     }
 
-    /// The hairs of a domain, by loop: each grows from a cell of the domain, and is one with its images on
-    /// other sides.
+    /// `[loop]`: the hairs of a domain. Each hair is generated once, in a cell of the domain; its periodic
+    /// images are copies.
     fn hairs(&self, loops: &[Loop<'_>], repeats: [u32; 2], seed: u64) -> Result<Vec<Vec<Hair>>, SimError> {
         let mut all = vec![Vec::new(); loops.len()];
         let Some(roots) = self.hair_roots()? else { return Ok(all) };
@@ -325,21 +324,21 @@ impl TwinCurves {
         let (mut loops, mut yarns) = (Vec::new(), BTreeMap::new());
         for (index, curve) in self.curves.curves.iter().enumerate() {
             let yarn = &self.curves.yarns[curve.yarn as usize];
-            let mut seen = BTreeSet::new();
+            let mut visited = BTreeSet::new();
             for (place, start) in &cells {
-                if seen.contains(place) {
+                if visited.contains(place) {
                     continue;
                 }
                 let (mut at, mut periods) = (*start, 0);
                 loop {
-                    seen.insert(self.place(at, size));
+                    visited.insert(self.place(at, size));
                     at = plus(at, curve.shift);
                     periods += 1;
                     if self.place(at, size) == *place {
                         break;
                     }
                 }
-                // Images of the yarn along its period are the same yarn: the least place names it.
+                // Images along the yarn's period are the same yarn; the smallest position identifies it.
                 let mut name = *place;
                 let mut image = *start;
                 loop {
@@ -364,17 +363,17 @@ impl TwinCurves {
                 });
             }
         }
-        // The tracer has the fibers of the first kind first.
+        // The tracer expects the fibers of the first kind first.
         loops.sort_by_key(|l| l.kind.min(1));
         loops
     }
 
-    /// Estimate of the number of quads, before sections are packed.
+    /// Estimated number of quads, before sections are packed.
     pub(super) fn estimate(&self, repeats: [u32; 2], options: &TwinMesh) -> f64 {
         let of = |l: &Loop<'_>| {
             let spec = &self.yarns[l.kind];
             let length = l.curve.length_um(&self.lattice) * l.periods as f64;
-            let turn = spec.ply.twist_per_um().abs() + 0.005;
+            let turn = spec.ply.twist().rad_per_um().abs() + 0.005;
             let rings = length * (turn / options.turn_rad.max(1e-3)).max(1.0 / options.step_um.max(0.1));
             let shape = spec.fibers().map(|fiber| outline_share(&fiber.shape)).fold(0.0, f64::max);
             rings * f64::from(options.outline_points) * shape * f64::from(spec.ply.fibers)
@@ -390,7 +389,7 @@ impl TwinCurves {
     /// The quads of a domain.
     ///
     /// # Errors
-    /// [`SimError::CannotPack`] and the like, [`SimError::TwinTooLarge`].
+    /// The errors of packing, such as [`SimError::CannotPack`], and [`SimError::TwinTooLarge`].
     pub(super) fn mesh(&self, domain: &Domain, options: &TwinMesh, seed: u64) -> Result<ClothMesh, SimError> {
         let quads = self.estimate(domain.repeats, options);
         if quads > MAX_QUADS {
@@ -420,7 +419,7 @@ impl TwinCurves {
         let mut rng = stream(seed, [u64::MAX, u64::from(number)]);
         let section = section_of(&self.yarns[of.kind], &mut rng)?;
         let begin: f64 = TAU * rng.random::<f64>();
-        let path = Path::new(&self.lattice, of, options, section.twist_per_um);
+        let path = Path::new(&self.lattice, of, options, Twist::from_rad_per_um(section.twist_per_um));
         let count = path.count();
         let turn = path.twist.abs() * path.length_um / count as f64;
         let (low, high) = path.bounds();
@@ -439,20 +438,21 @@ impl TwinCurves {
                 let ring = ring(fiber, outline, lumen == 1, turn, options);
                 let is_round = matches!(outline, Outline::Circle { .. });
                 let n = ring.len();
-                // Rings -1 to count + 1, so that all of 0 to count have both neighbors.
+                // Rings -1 to count + 1 are placed, so that rings 0 to count have both neighbors.
                 let (mut points, mut around): (Vec<V3>, Vec<V3>) = (Vec::new(), Vec::new());
                 for k in 0..count + 3 {
                     let frame = path.frame(k);
                     let angle = Rotation2::new(begin + frame.angle);
                     let center = angle * fiber.center_um;
-                    // Rings of circles do not wind.
-                    let own = if is_round { Rotation2::new(frame.least) } else { angle };
+                    // Rings of circles do not rotate with the fibers, which keeps quads straight.
+                    let own = if is_round { Rotation2::new(frame.unwound) } else { angle };
                     let place = |x: f64, y: f64| -> V3 { std::array::from_fn(|i| x * frame.u[i] + y * frame.v[i]) };
                     for (p, normal) in &ring {
                         let (q, m) = (center + own * p, own * normal);
                         let off = place(q.x, q.y);
                         points.push(std::array::from_fn(|i| frame.point[i] + off[i]));
-                        // The way along the wall at the inner side of a bend is shorter.
+                        // Normals use points of the neighboring rings, since the wall is shorter on the inner
+                        // side of a bend.
                         around.push(place(-m.y, m.x));
                     }
                 }
@@ -486,8 +486,8 @@ impl TwinCurves {
                                 for i in 0..n {
                                     let next = (i + 1) % n;
                                     let quad = [before + i, before + next, first + i, first + next];
-                                    // The material lies outside of the lumen's ring: its triangles turn the
-                                    // other way.
+                                    // The material lies outside of the lumen's ring, so its triangles have
+                                    // the opposite orientation.
                                     let [a, b, c, d] = quad.map(|v| v as u32);
                                     mesh.quads.push(if lumen == 1 { [b, a, d, c] } else { [a, b, c, d] });
                                     mesh.wall.push(2 * id + lumen);
@@ -503,8 +503,8 @@ impl TwinCurves {
     }
 }
 
-/// A drawn section. Fibers whose sizes vary are now and then too thick together for their ply: others are
-/// drawn then.
+/// Draws a section. Fibers of varying size are sometimes too thick in total for their ply; they are then
+/// drawn again, up to [`DRAWS`] times.
 fn section_of(spec: &YarnSpec, rng: &mut Pcg64Mcg) -> Result<PlySection, SimError> {
     let mut drawn = PlySection::generate(spec, rng.random());
     for _ in 1..DRAWS {

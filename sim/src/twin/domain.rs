@@ -1,22 +1,23 @@
-//! The traced domain: a rectangle of whole repeats.
+//! The traced domain: a rectangle of whole repeats with periodic boundaries.
 //!
-//! Rays that leave the domain at one side re-enter at the other, so fibers make whole turns along a ply until
-//! it meets itself, and their pitches change by up to half a turn over that length.
+//! Rays that leave the domain on one side re-enter on the opposite one. Fibers must therefore make whole
+//! turns over the length after which a ply closes, which changes their twist by up to half a turn over that
+//! length.
 
-use plywave::cloth::YarnSet;
 use plywave::spec::Shape;
+use plywave_textile::YarnSet;
 
-/// Largest number of quads: they stay below 6 GiB, most of it only while a family's BVH is built.
+/// Maximum number of quads. They take less than 6 GiB, most of it only during construction of a family's BVH.
 pub(super) const MAX_QUADS: f64 = 2.8e7;
 
-/// A pitch of the spec's fibers and its traced value.
+/// Fiber pitch of the spec and its traced value.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PitchUsed {
-    /// Yarn set of the yarns: warp for kind 0, weft for all others.
+    /// Yarn set of the yarns: warp for kind 0, weft for all other kinds.
     pub family: YarnSet,
-    /// As in the spec [um].
+    /// Pitch of the spec [um].
     pub spec_um: f64,
-    /// As traced [um]; above 1e12 for no turn at all.
+    /// Traced pitch [um]; above 1e12 for fibers without twist.
     pub used_um: f64,
 }
 
@@ -27,13 +28,13 @@ pub struct Domain {
     pub repeats: [u32; 2],
     /// Size along x and y [um].
     pub size_um: [f64; 2],
-    /// Yarns of kind 0, and of all other kinds.
+    /// Number of yarns of kind 0, and of all other kinds.
     pub yarns: [u32; 2],
     /// Pitch of the fibers in the first yarn of each set that has one.
     pub pitches: Vec<PitchUsed>,
 }
 
-/// Estimate of the points of an outline, relative to those of a circle.
+/// Estimated number of points of an outline, relative to a circle.
 pub(super) fn outline_share(shape: &Shape) -> f64 {
     match *shape {
         Shape::Circle { .. } | Shape::Ellipse { .. } | Shape::RoundedTriangle { .. } | Shape::Stone { .. } => 1.0,

@@ -1,8 +1,8 @@
-//! The walls of hairs: round tubes along their points, closed at both ends.
+//! The walls of hairs: round tubes along the points of a hair, closed at both ends.
 //!
-//! Tubes are solid, of the area of the yarn's fibers. The first point lies on the ply's surface, so that a
-//! root is half sunk among the fibers there; a ray within a fiber sees the walls of that fiber alone, so
-//! nothing is lost where tubes overlap.
+//! Tubes are solid and have the area of the yarn's fibers. The first point lies on the ply's surface, so that
+//! a root is half sunk among the fibers there. Overlapping tubes lose no light, since a ray within a fiber
+//! intersects the walls of that fiber alone.
 
 use super::domain::Domain;
 use super::options::TwinMesh;
@@ -13,14 +13,14 @@ use std::f64::consts::{PI, TAU};
 
 type V3 = [f64; 3];
 
-/// Vertices and quads of a tube.
+/// Vertices, normals and quads of a tube.
 struct Tube {
     vertices: Vec<V3>,
     normals: Vec<V3>,
     quads: Vec<[u32; 4]>,
 }
 
-/// A tube about points, of a polygon of `sides` with the area of a circle.
+/// A tube along points. Its section is a polygon of `sides` sides with the area of the circle of `radius_um`.
 fn tube(points: &[V3], radius_um: f64, sides: usize) -> Tube {
     let n = sides as f64;
     let reach = radius_um * (PI / (0.5 * n * (TAU / n).sin())).sqrt();
@@ -35,7 +35,7 @@ fn tube(points: &[V3], radius_um: f64, sides: usize) -> Tube {
     };
     let first = tangent(0);
     let mut side = unit(cross(if first[2].abs() < 0.9 { [0.0, 0.0, 1.0] } else { [1.0, 0.0, 0.0] }, first));
-    let mut made = Tube { vertices: Vec::new(), normals: Vec::new(), quads: Vec::new() };
+    let mut mesh = Tube { vertices: Vec::new(), normals: Vec::new(), quads: Vec::new() };
     for (i, point) in points.iter().enumerate() {
         let t = tangent(i);
         let along = dot(side, t);
@@ -44,36 +44,36 @@ fn tube(points: &[V3], radius_um: f64, sides: usize) -> Tube {
         for j in 0..sides {
             let (sin, cos) = (TAU * j as f64 / n).sin_cos();
             let out: V3 = std::array::from_fn(|k| cos * side[k] + sin * other[k]);
-            made.vertices.push(std::array::from_fn(|k| point[k] + reach * out[k]));
-            made.normals.push(out);
+            mesh.vertices.push(std::array::from_fn(|k| point[k] + reach * out[k]));
+            mesh.normals.push(out);
         }
         if i > 0 {
             let (below, above) = ((i - 1) * sides, i * sides);
-            made.quads.extend((0..sides).map(|j| {
+            mesh.quads.extend((0..sides).map(|j| {
                 let next = (j + 1) % sides;
                 [below + j, below + next, above + j, above + next].map(|v| v as u32)
             }));
         }
     }
-    // Fans over both ends, with flat normals, two triangles a quad.
+    // Triangle fans close both ends, with flat normals and two triangles for each quad.
     for (ring, normal, is_end) in [(0, first.map(|v| -v), false), (last, tangent(last), true)] {
-        let middle = made.vertices.len() as u32;
-        made.vertices.push(points[ring]);
-        made.normals.push(normal);
+        let middle = mesh.vertices.len() as u32;
+        mesh.vertices.push(points[ring]);
+        mesh.normals.push(normal);
         for j in 0..sides {
-            made.vertices.push(made.vertices[ring * sides + j]);
-            made.normals.push(normal);
+            mesh.vertices.push(mesh.vertices[ring * sides + j]);
+            mesh.normals.push(normal);
         }
         let at = |j: usize| middle + 1 + (j % sides) as u32;
-        made.quads.extend((0..sides).step_by(2).map(|j| match is_end {
+        mesh.quads.extend((0..sides).step_by(2).map(|j| match is_end {
             true => [middle, at(j), at(j + 2), at(j + 1)],
             false => [middle, at(j + 2), at(j), at(j + 1)],
         }));
     }
-    made
+    mesh
 }
 
-/// Adds a hair, and its images that reach into the domain, to a mesh.
+/// Adds a hair with all of its images that reach into the domain to a mesh.
 pub(super) fn add_hair(mesh: &mut ClothMesh, hair: &Hair, thread: ThreadOfFiber, domain: &Domain, options: &TwinMesh) {
     if hair.points_um.len() < 2 {
         return;

@@ -1,35 +1,37 @@
-//! The twin as a job: shard `v S + s` is the s-th of the S shards of view v. A shard's random numbers depend
-//! on the seed and its number alone.
+//! The twin as a sharded job. Shard `v S + s` is the s-th of the S shards of view v; its random numbers
+//! depend on the seed and its number alone. A view's result is the sum of its shards over the number of
+//! paths.
 
 use super::curves::TwinCurves;
 use super::domain::Domain;
 use super::options::TwinOptions;
-use super::shard::{Sums, trace_paths};
+use super::shard::{TwinSums, trace_paths};
 use super::tracer::ClothTracer;
 use crate::error::SimError;
-use crate::runs::{self, ArrayLayout, Description, Done, Job, Part, Run};
-use crate::simulate::stream;
-use plywave::twin::{CLASSES, ClothTwin};
+use crate::seeds::stream;
+use plywave_runs::RunError;
+use plywave_runs::{self as runs, ArrayLayout, Description, Done, Job, Part, Run, Shards};
+use plywave_tables::twin::{CLASSES, ClothTwin};
 use std::sync::OnceLock;
 use std::sync::atomic::AtomicBool;
 
 /// Traces the twin of a cloth on the threads of the current rayon pool. Progress counts paths.
 ///
 /// # Errors
-/// As [`TwinJob::new`] and [`ClothTracer::new`]; [`SimError::Interrupted`] when stopped, errors of the parts
-/// folder.
-pub fn twin(cloth: &TwinCurves, options: &TwinOptions, run: Run<'_>) -> Result<ClothTwin, SimError> {
+/// The errors of [`TwinJob::new`] and [`ClothTracer::new`], [`RunError::Interrupted`] when stopped, and
+/// errors of the parts folder.
+pub fn twin(cloth: &TwinCurves, options: &TwinOptions, run: Run<'_>) -> Result<ClothTwin, RunError> {
     runs::run(&TwinJob::new(cloth.clone(), options)?, run)
 }
 
 /// Size of a twin.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TwinSize {
-    /// Fibers, each as long as the domain, and hairs.
+    /// Number of fibers, each over a whole loop of its ply, and hairs.
     pub fibers: usize,
-    /// Triangles.
+    /// Number of triangles.
     pub triangles: usize,
-    /// Bytes that the tracer holds.
+    /// Memory of the tracer [bytes].
     pub memory_bytes: usize,
 }
 
@@ -41,7 +43,7 @@ pub struct TwinJob {
     tracer: OnceLock<ClothTracer>,
 }
 
-/// Longest traced side [um].
+/// Maximum length of a traced side [um].
 const LONGEST_UM: f64 = 2e5;
 
 impl TwinJob {
@@ -69,7 +71,7 @@ impl TwinJob {
         if !(1..=1 << 20).contains(shards) {
             return refuse("shards", *shards as usize, "1 to 1048576");
         }
-        // Longer yarns have too many fibers to trace, and too many steps of their center lines.
+        // Longer sides have too many fibers to trace and too many steps along the curves.
         let repeats = options.repeats.unwrap_or([1; 2]).map(f64::from);
         let sides = cloth.repeat_um();
         if let Some(side) = (0..2).map(|k| sides[k] * repeats[k]).find(|side| side.is_nan() || *side > LONGEST_UM) {
@@ -82,13 +84,14 @@ impl TwinJob {
     /// The job of a description.
     ///
     /// # Errors
-    /// [`SimError::Merge`] for text that is not of curves; those of the cloth.
-    pub(crate) fn from_description(description: &Description) -> Result<TwinJob, SimError> {
-        let cloth = TwinCurves::parse(&description.spec).ok_or_else(|| SimError::Merge {
+    /// [`RunError::Merge`] for text that describes no cloth of curves, and the errors of [`TwinCurves::new`]
+    /// and [`TwinJob::new`].
+    pub fn from_description(description: &Description) -> Result<TwinJob, RunError> {
+        let cloth = TwinCurves::parse(&description.spec).ok_or_else(|| RunError::Merge {
             what: "the text of the cloth: not one of curves".into(),
             hint: "read it with the program that wrote it".into(),
         })??;
-        TwinJob::new(cloth, &description.parse_options()?)
+        Ok(TwinJob::new(cloth, &description.parse_options()?)?)
     }
 
     /// The part of the cloth that is traced.
@@ -99,7 +102,7 @@ impl TwinJob {
     /// Builds the triangles and returns their size.
     ///
     /// # Errors
-    /// As [`ClothTracer::new`].
+    /// The errors of [`ClothTracer::new`].
     pub fn size(&self) -> Result<TwinSize, SimError> {
         let tracer = self.tracer()?;
         Ok(TwinSize { fibers: tracer.fibers(), triangles: tracer.triangles(), memory_bytes: tracer.memory_bytes() })
@@ -114,10 +117,7 @@ impl TwinJob {
     }
 }
 
-impl Job for TwinJob {
-    type Output = ClothTwin;
-    type Merge = ClothTwin;
-
+impl Shards for TwinJob {
     fn description(&self) -> Description {
         Description::new("twin", &self.options, self.cloth.text())
     }
@@ -135,20 +135,20 @@ impl Job for TwinJob {
     }
 
     fn layout(&self, _: usize) -> Vec<ArrayLayout> {
-        Sums::layout(&self.options)
+        TwinSums::layout(&self.options)
     }
 
     fn check(&self, _: usize, count: usize, part: &Part) -> Result<(), String> {
-        Sums::from_part(part).check(self.options.shard_paths() * count as u64)
+        TwinSums::from_part(part).check(self.options.shard_paths() * count as u64)
     }
 
     fn shard_bytes(&self) -> Option<usize> {
-        // The sums of a lane, and as much again for the sums that wait for their turn.
+        // Each lane holds its own sums and finished sums that wait to be merged.
         Some(self.layout(0).iter().map(|a| a.len() * 16).sum())
     }
 
-    fn prepare(&self) -> Result<(), SimError> {
-        self.tracer().map(|_| ())
+    fn prepare(&self) -> Result<(), RunError> {
+        Ok(self.tracer().map(|_| ())?)
     }
 
     fn run_shard(
@@ -156,9 +156,9 @@ impl Job for TwinJob {
         shard: usize,
         stop: &AtomicBool,
         progress: &(dyn Fn(u64) + Sync),
-    ) -> Result<Option<Done>, SimError> {
+    ) -> Result<Option<Done>, RunError> {
         let (view, s) = (shard / self.group(), shard % self.group());
-        let mut sums = Sums::zero(&self.options);
+        let mut sums = TwinSums::zero(&self.options);
         let mut rng = stream(self.options.seed, [view as u64, s as u64 + 1]);
         let (direction, repeat) = (self.options.views[view], self.cloth.repeat_um());
         let paths = self.options.shard_paths();
@@ -166,6 +166,11 @@ impl Job for TwinJob {
             trace_paths(self.tracer()?, &self.options, direction, repeat, paths, &mut rng, &mut sums, stop, progress);
         Ok(done.map(|()| Done { part: sums.into_part(), peak_bytes: 0 }))
     }
+}
+
+impl Job for TwinJob {
+    type Output = ClothTwin;
+    type Merge = ClothTwin;
 
     fn begin(&self) -> ClothTwin {
         let options = &self.options;
@@ -199,16 +204,16 @@ impl Job for TwinJob {
     }
 
     fn absorb(&self, twin: &mut ClothTwin, first: usize, part: Part) {
-        fill(twin, first / self.group(), &Sums::from_part(&part));
+        fill(twin, first / self.group(), &TwinSums::from_part(&part));
     }
 
-    fn finish(&self, twin: ClothTwin) -> Result<ClothTwin, SimError> {
+    fn finish(&self, twin: ClothTwin) -> Result<ClothTwin, RunError> {
         Ok(twin)
     }
 }
 
-/// Fills the results of a view from its sums, divided by paths and solid angles only.
-fn fill(twin: &mut ClothTwin, view: usize, sums: &Sums) {
+/// Fills the results of a view from its sums, divided by the number of paths and by solid angles.
+fn fill(twin: &mut ClothTwin, view: usize, sums: &TwinSums) {
     let [paths, straight, killed, walls] = sums.counts;
     let inv = 1.0 / paths.max(1.0);
     // Variance of a mean over paths, from the sums of the weights and of their squares.

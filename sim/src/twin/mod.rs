@@ -1,14 +1,12 @@
-//! The twin of a cloth: path tracing of one periodic repeat with all explicit fibers, without a model
-//! (`plywave::twin`).
+//! The twin of a cloth: path tracing of one periodic repeat with all of its fibers explicit, as the reference
+//! of the cloth model. Results are tables of `plywave_tables::twin`.
 //!
-//! It shares only the curves of the plies and the specs of their fibers with the cloth model: packed fibers
-//! wind in the plies, and rays scatter at the fibers' walls by the same walk as in the simulation of a single
-//! ply.
+//! It shares only the curves of the plies and the specs of their fibers with the cloth model. Packed fibers
+//! wind in the plies, and rays scatter at their walls by the same walk as in the simulation of a single ply.
 //!
-//! [`TwinCurves`] describes the cloth and sweeps its fibers, [`Domain`] has the traced repeats and the
-//! pitches that close over them, `sweep.rs` has the rings about outlines, `hair_walls.rs` the walls of
-//! hairs, [`ClothTracer`] traces rays through
-//! the infinite repetition, and [`TwinJob`] runs the paths.
+//! [`TwinCurves`] describes the cloth and sweeps its fibers along the curves (`rings.rs`, `sweep.rs`); hairs
+//! are tubes (`hair_walls.rs`). [`Domain`] has the traced repeats and the pitches that close over them.
+//! [`ClothTracer`] traces rays through the infinite repetition, and [`TwinJob`] runs the paths.
 
 mod curves;
 mod domain;

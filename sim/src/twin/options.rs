@@ -1,24 +1,25 @@
-//! Options of a twin: views, absorptions, paths, and resolution of the triangles.
+//! Options of a twin: views, absorptions, number of paths, outgoing bins, traced repeats, and resolution of
+//! the triangles; and the standard views.
 
-use plywave::twin::SphereBins;
+use plywave_tables::twin::SphereBins;
 use serde::{Deserialize, Serialize};
 
-/// Resolution of the fibers' triangles. Normals are smooth: those of the swept outline at the vertices,
-/// interpolated between.
+/// Resolution of the fibers' triangles. Normals are those of the swept outline at the vertices, interpolated
+/// in between.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct TwinMesh {
-    /// Points around a circle or another convex outline; outlines with dents have more, and points are closer
-    /// where an outline bends more.
+    /// Number of points around a circle or another convex outline. Outlines with dents have more points, and
+    /// points are closer where the outline bends more.
     pub outline_points: u32,
-    /// Largest turn of a fiber's frame from ring to ring, by bend and twist together [rad].
+    /// Maximum rotation of a fiber's frame from ring to ring, by bending and twist together [rad].
     pub turn_rad: f64,
-    /// Longest step from ring to ring [um].
+    /// Maximum distance from ring to ring [um].
     pub step_um: f64,
 }
 
 impl Default for TwinMesh {
-    /// Chords of a turn of 0.2 move a fiber 50 um off the axis of its ply inward by 0.25 um half way between
-    /// rings, and its neighbors nearly as much.
+    /// With a rotation of 0.2 rad, the chord of a fiber 50 um off the axis of its ply lies 0.25 um inside of
+    /// the helix half way between rings; its neighbors move nearly as much.
     fn default() -> Self {
         TwinMesh { outline_points: 24, turn_rad: 0.2, step_um: 20.0 }
     }
@@ -27,9 +28,9 @@ impl Default for TwinMesh {
 /// Options of a twin.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct TwinOptions {
-    /// Unit directions that the light comes from, in the cloth's frame; z below 0 is from the back.
+    /// Unit directions from which the light comes, in the cloth's frame; light with z below 0 hits the back.
     pub views: Vec<[f64; 3]>,
-    /// Pairs of absorptions of warp and weft [1/um].
+    /// `[sigma][warp, weft]`: absorption [1/um].
     pub sigma_per_um: Vec<[f64; 2]>,
     /// Paths of a view, rounded up to whole shards.
     pub paths: u64,
@@ -41,16 +42,16 @@ pub struct TwinOptions {
     pub bins: SphereBins,
     /// Pixels per side of the image of the repeat.
     pub image: u32,
-    /// Repeats along x and y; `None`: the same number along both, the least that gives four yarns of each
-    /// set, 8 at most, and fewer if memory is short.
+    /// Repeats along x and y. `None` stands for the same number along both: the smallest that gives four
+    /// yarns of each set, at most 8, and fewer if the triangles would exceed the memory limit.
     pub repeats: Option<[u32; 2]>,
-    /// The triangles.
+    /// Resolution of the triangles.
     pub mesh: TwinMesh,
 }
 
 impl Default for TwinOptions {
-    /// [`standard_views`]; clear fibers, and absorptions of 0.003 and 0.01 per um in both families; standard
-    /// errors of the energies of 0.0007 or less.
+    /// [`standard_views`] with clear fibers and with absorptions of 0.003 and 0.01 per um in both sets. The
+    /// energies have standard errors of 0.0007 or less.
     fn default() -> Self {
         TwinOptions {
             views: standard_views(),
@@ -73,15 +74,15 @@ impl TwinOptions {
     }
 }
 
-/// The direction of a tilt from the face's normal towards an azimuth from x to y [rad]; a tilt beyond pi/2 is
-/// from the back.
+/// Unit direction with a tilt from the face's normal and an azimuth from x to y [rad]; a tilt above pi/2
+/// points to the back.
 pub fn direction(tilt_rad: f64, azimuth_rad: f64) -> [f64; 3] {
     let ((sin, cos), (y, x)) = (tilt_rad.sin_cos(), azimuth_rad.sin_cos());
     [sin * x, sin * y, cos]
 }
 
-/// Normal; 30, 60 and 75 degrees across the warp (towards x); 30 and 60 along it (towards y); 45 and 60 along
-/// the diagonal.
+/// The normal; tilts of 30, 60 and 75 degrees across the warp (towards x), of 30 and 60 degrees along it
+/// (towards y), and of 45 and 60 degrees along the diagonal.
 pub fn standard_views() -> Vec<[f64; 3]> {
     [[0.0, 0.0], [30.0, 0.0], [60.0, 0.0], [75.0, 0.0], [30.0, 90.0], [60.0, 90.0], [45.0, 45.0], [60.0, 45.0]]
         .iter()

@@ -1,30 +1,36 @@
 //! Rings along closed loops of curves, in a rotation-minimizing frame.
+//!
+//! The frame follows by double reflection from ring to ring. Over the whole loop it turns by some angle; the
+//! fibers' twist is rounded so that frame and twist together make whole turns and the fibers close.
 
 use super::options::TwinMesh;
 use super::sweep::ThreadOfFiber;
-use plywave::cloth::{Lattice, PlyCurve, YarnSet};
+use plywave::cloth::{Lattice, PlyCurve};
 use plywave::math::vec3::{cross, dot, sub, unit};
-use std::f64::consts::TAU;
+use plywave::spec::Twist;
+use plywave_textile::YarnSet;
 
 /// A vector of three.
 type V3 = [f64; 3];
 
-/// A curve with its images along it, closed on the torus of a domain.
+/// A curve with its images along its period, which closes on the torus of a domain.
 pub(super) struct Loop<'a> {
     pub curve: &'a PlyCurve,
     /// Index of the curve.
     pub index: usize,
     pub kind: usize,
-    /// Number of its yarn in the domain, and the one that its color is of.
+    /// Number of its yarn in the domain.
     pub yarn: u32,
+    /// Number of its yarn in the sequence of colors.
     pub color: i32,
-    /// Cell in which it starts, and periods of the curve after which it closes.
+    /// Cell in which it starts.
     pub start: [i32; 2],
+    /// Number of periods of the curve after which it closes.
     pub periods: usize,
 }
 
 impl Loop<'_> {
-    /// What a fiber of the loop with this number is of.
+    /// Yarn, ply and spec of a fiber of this loop, which is the ply of this number.
     pub fn thread(&self, number: u32, second: bool) -> ThreadOfFiber {
         let (family, spec) = (YarnSet::EACH[self.kind.min(1)], self.kind as u32);
         ThreadOfFiber { family, yarn: self.yarn, number: self.color, ply: number, spec, second }
@@ -34,14 +40,16 @@ impl Loop<'_> {
 /// Rings along a loop.
 pub(super) struct Path {
     points: Vec<V3>,
-    /// Frame without winding, and length up to each ring [um].
+    /// `[ring]`: rotation-minimizing frame.
     frames: Vec<[V3; 2]>,
+    /// `[ring]`: length up to the ring [um].
     arcs: Vec<f64>,
-    /// From the first ring to its next image.
+    /// Vector from the first ring to its next image [um].
     way: V3,
     pub length_um: f64,
-    /// Turn of the fibers about the frame per length [rad/um], and of the frame over the loop [rad].
+    /// Twist of the fibers relative to the frame [rad/um].
     pub twist: f64,
+    /// Rotation of the frame over the loop [rad].
     turned: f64,
 }
 
@@ -51,13 +59,13 @@ pub(super) struct Frame {
     pub u: V3,
     pub v: V3,
     pub angle: f64,
-    /// An angle that undoes the turn of the frame over the loop, evenly.
-    pub least: f64,
+    /// Angle that undoes the rotation of the frame over the loop, in proportion to the length [rad].
+    pub unwound: f64,
 }
 
 impl Path {
-    /// Of a loop whose fibers turn so about the curve.
-    pub fn new(lattice: &Lattice, of: &Loop<'_>, options: &TwinMesh, twist_per_um: f64) -> Path {
+    /// The rings of a loop whose fibers have about this twist; the twist is rounded so that they close.
+    pub fn new(lattice: &Lattice, of: &Loop<'_>, options: &TwinMesh, twist: Twist) -> Path {
         let curve = of.curve;
         let knots = curve.control_um.len();
         let start = lattice.vector(of.start);
@@ -72,7 +80,7 @@ impl Path {
         for i in 0..knots * CELLS {
             let at = curve.at(lattice, (i as f64 + 0.5) / CELLS as f64);
             let step = dot(at.d_um, at.d_um).sqrt() / CELLS as f64;
-            let turn = at.curvature_per_um() + twist_per_um.abs();
+            let turn = at.curvature_per_um() + twist.rad_per_um().abs();
             sum.push(sum[i] + step * (turn / options.turn_rad.max(1e-3)).max(1.0 / options.step_um.max(0.1)));
         }
         let whole = sum[knots * CELLS];
@@ -92,10 +100,10 @@ impl Path {
             parameters.map(place).map(|(p, at)| (p, unit(at.d_um))).unzip();
         let v = lattice.vector(curve.shift);
         let way = [v[0] * of.periods as f64, v[1] * of.periods as f64, 0.0];
-        // The first ring again, at the end.
+        // The first ring is repeated at the end.
         points.push(std::array::from_fn(|k| points[0][k] + way[k]));
         tangents.push(tangents[0]);
-        // Two reflections from ring to ring.
+        // The double reflection method takes the frame from ring to ring.
         let reflected = |w: V3, by: V3| -> V3 {
             let scale = 2.0 * dot(by, w) / dot(by, by).max(1e-300);
             std::array::from_fn(|k| w[k] - scale * by[k])
@@ -114,17 +122,18 @@ impl Path {
         let length_um = arcs[arcs.len() - 1];
         let [u, _] = frames[frames.len() - 1];
         let turned = dot(u, frames[0][1]).atan2(dot(u, frames[0][0]));
-        // Frame and winding together make whole turns.
-        let twist = (TAU * ((twist_per_um * length_um + turned) / TAU).round() - turned) / length_um;
+        // Frame and twist together make whole turns.
+        let twist = twist.closed_rad(length_um, 1.0, turned) / length_um;
         Path { points, frames, arcs, way, length_um, twist, turned }
     }
 
-    /// Rings of the loop, the first counted once.
+    /// Number of rings of the loop; the repeated first one counts once.
     pub fn count(&self) -> usize {
         self.points.len() - 1
     }
 
-    /// Ring `k - 1`: 0 is the last of the loop before, and one beyond the loop's own end is the second again.
+    /// Frame of ring `k - 1`. Ring -1 is the last one of the previous turn of the loop, and the ring after
+    /// the loop's end is its second one.
     pub fn frame(&self, k: usize) -> Frame {
         let count = self.count();
         let (at, loops) = match k {
@@ -133,10 +142,10 @@ impl Path {
             k => (k - 1 - count, 1.0),
         };
         let point = std::array::from_fn(|i| self.points[at][i] + loops * self.way[i]);
-        // A loop further the frame has turned, and the fibers in it.
+        // The image one loop further has the frame's rotation and the fibers' twist of a whole loop.
         let angle = self.twist * self.arcs[at] + loops * (self.twist * self.length_um + self.turned);
-        let least = -self.turned * self.arcs[at] / self.length_um;
-        Frame { point, u: self.frames[at][0], v: self.frames[at][1], angle, least }
+        let unwound = -self.turned * self.arcs[at] / self.length_um;
+        Frame { point, u: self.frames[at][0], v: self.frames[at][1], angle, unwound }
     }
 
     pub fn bounds(&self) -> (V3, V3) {

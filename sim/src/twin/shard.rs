@@ -1,15 +1,15 @@
-//! Paths of one view through a cloth, and their sums.
+//! One shard of a twin: paths of one view through a cloth, and their sums.
 //!
-//! The lines of the light cross the middle plane at points drawn evenly over the domain. A path begins where
-//! its line comes down to the highest fiber, or up to the lowest. It is walked once: the lengths within warp
-//! and weft fibers give its weight for every pair of absorptions.
+//! Incident lines cross the middle plane at uniform random points of the domain. A path begins where its line
+//! reaches the height of the highest fiber, or from the back that of the lowest. Each path is traced once;
+//! its lengths within warp and weft fibers give its weight for every pair of absorptions.
 
 use super::options::TwinOptions;
 use super::tracer::ClothTracer;
 use crate::rays::path::{PathEnd, walk};
-use crate::runs::{ArrayLayout, Part, Values};
 use nalgebra::Vector3;
-use plywave::twin::CLASSES;
+use plywave_runs::{ArrayLayout, Part, Values};
+use plywave_tables::twin::CLASSES;
 use rand::{Rng, RngExt};
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -18,31 +18,31 @@ const BATCH: u64 = 1024;
 
 /// Sums over the paths of one or more shards of a view.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Sums {
-    /// Paths; those that hit no fiber; those that were stopped; walls hit.
+pub(super) struct TwinSums {
+    /// Number of paths, of paths that hit no fiber, of killed paths, and of wall interactions.
     pub counts: [f64; 4],
-    /// `[sigma][half]`: weights of reflected (0) and transmitted (1) light.
+    /// `[sigma][half]`: sum of weights of reflected (0) and transmitted (1) light.
     pub energy: Vec<f64>,
-    /// As `energy`: squares of the weights.
+    /// `[sigma][half]`: sum of squared weights.
     pub squares: Vec<f64>,
-    /// `[sigma][half][class]`: weights by the number of different yarns hit.
+    /// `[sigma][half][class]`: sum of weights by the number of different yarns hit.
     pub yarns: Vec<f64>,
-    /// As `yarns`, of plies.
+    /// `[sigma][half][class]`: sum of weights by the number of different plies hit.
     pub plies: Vec<f64>,
-    /// `[sigma][bin]`: weights.
+    /// `[sigma][bin]`: sum of weights.
     pub bins: Vec<f64>,
-    /// As `bins`: squares of the weights.
+    /// `[sigma][bin]`: sum of squared weights.
     pub bin_squares: Vec<f64>,
-    /// `[sigma][y][x]`: weights of reflected light by pixel.
+    /// `[sigma][y][x]`: sum of weights of reflected light by pixel of incidence.
     pub image: Vec<f64>,
-    /// `[y][x]`: paths by pixel.
+    /// `[y][x]`: number of paths by pixel of incidence.
     pub image_paths: Vec<f64>,
 }
 
-impl Sums {
-    pub fn zero(options: &TwinOptions) -> Sums {
+impl TwinSums {
+    pub fn zero(options: &TwinOptions) -> TwinSums {
         let (k, bins, places) = (options.sigma_per_um.len(), options.bins.len(), (options.image as usize).pow(2));
-        Sums {
+        TwinSums {
             counts: [0.0; 4],
             energy: vec![0.0; 2 * k],
             squares: vec![0.0; 2 * k],
@@ -55,7 +55,7 @@ impl Sums {
         }
     }
 
-    /// Arrays of the part that holds the sums, by the names and in the order of the fields.
+    /// Arrays of the part that holds the sums, with the names and the order of the fields.
     pub fn layout(options: &TwinOptions) -> Vec<ArrayLayout> {
         let (k, bins, n) = (options.sigma_per_um.len(), options.bins, options.image as usize);
         let any = [0.0, f64::MAX];
@@ -74,17 +74,17 @@ impl Sums {
 
     /// The sums as a part.
     pub fn into_part(self) -> Part {
-        let Sums { counts, energy, squares, yarns, plies, bins, bin_squares, image, image_paths } = self;
+        let TwinSums { counts, energy, squares, yarns, plies, bins, bin_squares, image, image_paths } = self;
         let arrays = [counts.to_vec(), energy, squares, yarns, plies, bins, bin_squares, image, image_paths];
         Part::new(arrays.into_iter().map(Values::F64).collect())
     }
 
-    /// Sums from a part of [`Sums::layout`].
-    pub fn from_part(part: &Part) -> Sums {
+    /// The sums of a part with the arrays of [`TwinSums::layout`].
+    pub fn from_part(part: &Part) -> TwinSums {
         let array = |at: usize| part.f64(at).to_vec();
         let mut counts = [0.0; 4];
         counts.iter_mut().zip(part.f64(0)).for_each(|(to, v)| *to = *v);
-        Sums {
+        TwinSums {
             counts,
             energy: array(1),
             squares: array(2),
@@ -97,40 +97,40 @@ impl Sums {
         }
     }
 
-    /// Checks that sums over `paths` paths are possible; the error names the impossible value.
+    /// Checks that sums over `paths` paths are plausible; the error names the impossible value.
     pub fn check(&self, paths: u64) -> Result<(), String> {
         let [drawn, straight, killed, _] = self.counts;
         let placed: f64 = self.image_paths.iter().sum();
         if drawn != paths as f64 || placed != drawn {
             return Err(format!("{drawn} paths at {placed} places, expected {paths}"));
         }
-        let most = self.energy.chunks_exact(2).map(|e| e[0] + e[1]).fold(0.0, f64::max);
-        if straight + killed + most > drawn * (1.0 + 1e-9) {
-            return Err(format!("{straight} straight, {killed} stopped and {most} scattered of {drawn} paths"));
+        let max = self.energy.chunks_exact(2).map(|e| e[0] + e[1]).fold(0.0, f64::max);
+        if straight + killed + max > drawn * (1.0 + 1e-9) {
+            return Err(format!("{straight} straight, {killed} stopped and {max} scattered of {drawn} paths"));
         }
         Ok(())
     }
 }
 
-/// Up to [`CLASSES`] different numbers.
+/// A set of up to [`CLASSES`] different numbers.
 #[derive(Default)]
 struct Different {
-    seen: [u32; CLASSES],
+    numbers: [u32; CLASSES],
     count: usize,
 }
 
 impl Different {
     #[inline(always)]
     fn add(&mut self, number: u32) {
-        if self.count < CLASSES && !self.seen[..self.count].contains(&number) {
-            self.seen[self.count] = number;
+        if self.count < CLASSES && !self.numbers[..self.count].contains(&number) {
+            self.numbers[self.count] = number;
             self.count += 1;
         }
     }
 }
 
-/// Traces `paths` paths of light from `view` and adds them to `sums`. `repeat_um` is the size of the repeat
-/// in the image. None when stopped.
+/// Traces `paths` paths of light that comes from `view` and adds them to `sums`. `repeat_um` is the size of
+/// the repeat that the image shows. Returns `None` when stopped.
 pub(super) fn trace_paths<R: Rng>(
     tracer: &ClothTracer,
     options: &TwinOptions,
@@ -138,7 +138,7 @@ pub(super) fn trace_paths<R: Rng>(
     repeat_um: [f64; 2],
     paths: u64,
     rng: &mut R,
-    sums: &mut Sums,
+    sums: &mut TwinSums,
     stop: &AtomicBool,
     progress: &(dyn Fn(u64) + Sync),
 ) -> Option<()> {

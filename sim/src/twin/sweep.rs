@@ -1,46 +1,47 @@
-//! Triangles of a cloth's fibers: rings about outlines, and quads between rings.
+//! Triangles of a cloth's fibers: rings of points on the outlines, and quads between rings.
 //!
-//! Vertices have the normals of the swept surface. A polygon within an outline has less area than the
-//! outline; its points are moved out so that the areas agree.
+//! Vertices have the normals of the swept surface. The polygon of points on an outline has less area than the
+//! outline; its points are moved outwards so that the areas agree.
 
 use super::options::TwinMesh;
 use crate::geometry::fiber_section::FiberSection;
 use crate::geometry::outline::{Outline, edges};
 use nalgebra::{Rotation2, Vector2};
-use plywave::cloth::YarnSet;
+use plywave_textile::YarnSet;
 use std::f64::consts::TAU;
 
-/// Points on an outline from which those of a ring are chosen.
+/// Number of points on an outline from which those of a ring are chosen.
 const FINE: usize = 512;
 
 /// Yarn, ply and spec of a fiber.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ThreadOfFiber {
-    /// Yarn set of its yarn: warp for kind 0, weft for all others.
+    /// Yarn set of its yarn: warp for kind 0, weft for all other kinds.
     pub family: YarnSet,
     /// Number of its yarn in the domain.
     pub yarn: u32,
-    /// The yarn's number by which it has its color, as in the curves.
+    /// Number of its yarn in the sequence of colors, like in the curves.
     pub number: i32,
-    /// Number of its ply among all of the domain.
+    /// Number of its ply in the domain.
     pub ply: u32,
     /// Index of its spec.
     pub spec: u32,
-    /// Whether it is of the second kind of the spec's blend.
+    /// Whether it is the second fiber of the spec's blend.
     pub second: bool,
 }
 
-/// Quads of the fibers of a cloth, two triangles each. Positions are relative to the middle of the domain.
+/// Quads of the fibers of a cloth, two triangles each. Positions are relative to the middle of the domain
+/// [um].
 #[derive(Default)]
 pub(super) struct ClothMesh {
     pub vertices: Vec<[f32; 3]>,
-    /// Unit normals, out of the material.
+    /// Unit normals that point out of the material.
     pub normals: Vec<[f32; 3]>,
-    /// Vertices a and b of a ring, c and d above them: triangles a, b, d and a, d, c.
+    /// Vertices a and b of a ring, and c and d of the next ring. The triangles are a, b, d and a, d, c.
     pub quads: Vec<[u32; 4]>,
-    /// `[quad]`: `2 fiber` for the outer wall, `2 fiber + 1` for the lumen's.
+    /// `[quad]`: `2 fiber` for the outer wall, `2 fiber + 1` for the wall of the lumen.
     pub wall: Vec<u32>,
-    /// `[fiber]`.
+    /// `[fiber]`: its yarn, ply and spec.
     pub fibers: Vec<ThreadOfFiber>,
 }
 
@@ -48,7 +49,7 @@ pub(super) struct ClothMesh {
 type Ring = Vec<(Vector2<f64>, Vector2<f64>)>;
 
 impl ClothMesh {
-    /// One mesh of several.
+    /// Joins several meshes into one.
     pub fn joined(parts: Vec<ClothMesh>) -> ClothMesh {
         let mut mesh = ClothMesh::default();
         let total: usize = parts.iter().map(|p| p.quads.len()).sum();
@@ -69,8 +70,8 @@ impl ClothMesh {
     }
 }
 
-/// Number of points around an outline: more if its normal turns back and forth, fewer around a lumen, which
-/// is small.
+/// Number of points around an outline. Outlines whose normal turns back and forth have more points, and
+/// lumens, which are small, have fewer.
 fn points_of(outline: &Outline, is_lumen: bool, options: &TwinMesh) -> usize {
     let n = f64::from(options.outline_points.max(8)) * if is_lumen { 2.0 / 3.0 } else { 1.0 };
     let turns = match outline {
@@ -83,9 +84,10 @@ fn points_of(outline: &Outline, is_lumen: bool, options: &TwinMesh) -> usize {
     (n * turns.clamp(1.0, 4.0)).ceil() as usize
 }
 
-/// Points of a ring about an outline, relative to the fiber's center, by arc length and turn of the normal in
-/// equal parts. Their polygon has the outline's area; where the outline turns by `turn` from ring to ring,
-/// the chords between lie within by a share of `turn^2 / 12` on average, which is added.
+/// Points of a ring around an outline [um], relative to the fiber's center. They are spaced by arc length and
+/// by the rotation of the normal in equal parts. Their polygon has the outline's area. If the outline rotates
+/// by `turn` from ring to ring, the chords between rings lie inside of the surface by a share of
+/// `turn^2 / 12` on average; the ring is scaled up to compensate.
 pub(super) fn ring(fiber: &FiberSection, outline: &Outline, is_lumen: bool, turn: f64, options: &TwinMesh) -> Ring {
     let n = points_of(outline, is_lumen, options);
     let mut points = match outline {
@@ -111,11 +113,11 @@ pub(super) fn ring(fiber: &FiberSection, outline: &Outline, is_lumen: bool, turn
     let corners: Vec<Vector2<f64>> = points.iter().map(|p| p.position_um).collect();
     let area = 0.5 * edges(&corners).map(|(a, b)| a.perp(&b)).sum::<f64>();
     let perimeter = edges(&corners).map(|(a, b)| (b - a).norm()).sum::<f64>();
-    // To first order, moving a polygon out by d adds d times its perimeter.
+    // To first order, an offset of d adds d times the perimeter to the area of a polygon.
     let out = (outline.area() - area) / perimeter.max(f64::MIN_POSITIVE);
     points.iter_mut().for_each(|p| p.position_um += p.normal * out);
     let scale = match outline {
-        // Rings of circles are not turned.
+        // Rings of circles do not rotate.
         Outline::Circle { .. } => 1.0,
         Outline::Polyline(_) => 1.0 + turn * turn / 12.0,
     };

@@ -1,21 +1,22 @@
-//! Tests of the twin against the simulation of a single ply, which shares only the packed section with it.
+//! Tests of the twin. Reference implementations: the simulation of a single ply, which shares only the packed
+//! section with the twin, and brute-force shadows of hairs.
 
 use super::curves::TwinCurves;
 use super::job::{TwinJob, twin};
 use super::options::{TwinMesh, TwinOptions};
 use super::sweep::ThreadOfFiber;
 use super::tracer::{ClothTracer, LightsOfFibers};
-use crate::error::SimError;
 use crate::geometry::section::PlySection;
 use crate::rays::dielectric::RoughDielectric;
 use crate::rays::path::{PathEnd, trace_path, walk};
 use crate::rays::screw::ScrewTracer;
 use crate::rays::tracer::{Medium, Trace};
-use crate::runs::{Description, Run};
-use crate::simulate::stream;
+use crate::seeds::stream;
 use nalgebra::{Rotation3, Vector3};
-use plywave::cloth::{ClothCurves, ClothYarn, Hairs, Lattice, PlyCurve};
+use plywave::cloth::{ClothCurves, ClothYarn, Lattice, PlyCurve};
 use plywave::spec::{POLYESTER, YarnSpec};
+use plywave_runs::{Description, Run, RunError};
+use plywave_textile::Hairs;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 
@@ -29,9 +30,9 @@ fn lone_ply() -> TwinCurves {
     TwinCurves::new("ply", curves, vec![POLYESTER.into()]).unwrap()
 }
 
-/// Means over paths of light onto a ply: missed, reflected without entering a fiber, absorbed-weighted light
-/// upwards and downwards at sigma 0 and 0.01, mean of the outgoing component along the ply; with squares for
-/// standard errors.
+/// Sums over paths of light that hits a ply, with squares for standard errors. The values are: missed,
+/// reflected without entering a fiber, outgoing light up and down at sigma 0 and then at 0.01 / um, and the
+/// component of the outgoing direction along the ply.
 #[derive(Default)]
 struct Tally {
     sums: [f64; 7],
@@ -70,8 +71,8 @@ impl Tally {
     }
 }
 
-/// A single straight ply of the twin, lit evenly over its width, agrees with the screw march of the same
-/// section: two geometries with the same physics, which differ by the triangles alone.
+/// A single straight ply of the twin, lit uniformly over its width, agrees with the screw march of the same
+/// section. The two geometries have the same physics and differ by the triangles alone.
 #[test]
 #[ignore = "slow: 10 s: a lone ply scatters as in its own simulation"]
 fn a_lone_ply_scatters_as_in_its_own_simulation() {
@@ -90,7 +91,7 @@ fn a_lone_ply_scatters_as_in_its_own_simulation() {
         let (mut twin, mut ply) = (Tally::default(), Tally::default());
         for _ in 0..paths {
             let (x, along, turn): (f32, f32, f32) = (100.0 * rng.random::<f32>() - 50.0, rng.random(), rng.random());
-            // The ply's axis is the middle of the domain: across is -x, up is z, along is y.
+            // The ply's axis is the middle of the domain; -x is across, z is up and y is along the ply.
             let dir = Vector3::new(0.0, -theta.sin(), -theta.cos());
             let pos = Vector3::new(x, 800.0 * (along - 0.5), 0.0) - dir * 60.0 / theta.cos();
             let end =
@@ -114,7 +115,7 @@ fn a_lone_ply_scatters_as_in_its_own_simulation() {
     }
 }
 
-/// A lamp all round a path, drawn from evenly.
+/// A uniform light from all directions, sampled uniformly.
 #[derive(Default)]
 struct AllRound {
     light: f64,
@@ -134,7 +135,7 @@ impl LightsOfFibers<Pcg64Mcg> for AllRound {
     }
 }
 
-/// What paths are said to send to a lamp all round is the share of them that walls send out.
+/// Next event estimation of a uniform light agrees with the share of paths that leave from rough walls.
 #[test]
 fn drawn_light_is_that_of_paths() {
     let cloth = lone_ply();
@@ -143,31 +144,32 @@ fn drawn_light_is_that_of_paths() {
     let [a, b] = tracer.size_um();
     for w in [[0.0f32, 0.0, -1.0], [0.6, 0.48, 0.64]] {
         let paths = 40_000;
-        let (mut left, mut light, mut squares) = (0.0, 0.0, 0.0);
+        let (mut escaped, mut light, mut squares) = (0.0, 0.0, 0.0);
         for _ in 0..paths {
             let at = [0.5 * a + 160.0 * (rng.random::<f32>() - 0.5), b * rng.random::<f32>()];
             let mut lamp = AllRound::default();
             let end = tracer.follow(at, w, &mut rng, &mut lamp);
-            left += f64::from(end.is_some_and(|end| end.is_rough) as u8);
+            escaped += f64::from(end.is_some_and(|end| end.is_rough) as u8);
             light += lamp.light;
             squares += lamp.light * lamp.light;
         }
         let n = f64::from(paths);
         let se = ((squares / n - (light / n).powi(2)) / n).sqrt();
-        let [left, light] = [left / n, light / n];
-        assert!(left > 0.1 && se < 0.05, "{left} {se}");
-        assert!((light - left).abs() < 4.0 * se + 0.005, "{w:?}: {light}, walls sent out {left}, se {se}");
+        let [escaped, light] = [escaped / n, light / n];
+        assert!(escaped > 0.1 && se < 0.05, "{escaped} {se}");
+        assert!((light - escaped).abs() < 4.0 * se + 0.005, "{w:?}: {light}, walls sent out {escaped}, se {se}");
     }
 }
 
-/// The lone ply with long hairs, some of them loops, of which many leave the domain.
+/// The lone ply with long hairs, some of them loops. Many of the hairs leave the domain.
 fn hairy_ply() -> TwinCurves {
     let hairs = Hairs { per_mm: 60.0, length_mm: 0.5, curl_mm: 0.4, rise: 0.5, loops: 0.2 };
     lone_ply().with_hairs(vec![Some(hairs)])
 }
 
-/// Lines along the normal hit the hairs that stand beside the ply, wherever the domain repeats: against their
-/// shadows on the plane, by brute force. Hairs beyond a side of the domain come back on the other.
+/// Lines along the normal hit the hairs beside the ply if and only if they lie in the hairs' shadows on the
+/// plane, which are computed by brute force. Hairs that leave the domain on one side re-enter on the opposite
+/// one.
 #[test]
 fn lines_hit_hairs_where_they_are() {
     let (cloth, repeats) = (hairy_ply(), [1, 4]);
@@ -177,14 +179,14 @@ fn lines_hit_hairs_where_they_are() {
     assert_eq!([w, h], [4000.0, 400.0]);
     let outside = |p: &[f64; 3]| p[1].rem_euclid(h) != p[1];
     assert!(hairs.iter().filter(|hair| hair.points_um.iter().any(outside)).count() > 5, "few cross a side");
-    // How far a point of the plane lies within the shadow of a hair, less than 0 outside [um]; not a number
-    // beside the flat end of one alone.
+    // Depth of a point of the plane within the shadow of a hair [um], negative outside; NaN next to nothing
+    // but the flat end of a hair.
     let depth = |x: f64, y: f64| {
-        let (mut most, mut at_end) = (f64::NEG_INFINITY, f64::NEG_INFINITY);
+        let (mut max, mut at_end) = (f64::NEG_INFINITY, f64::NEG_INFINITY);
         for hair in &hairs {
             let last = hair.points_um.len() - 2;
             for (i, piece) in hair.points_um.windows(2).enumerate() {
-                // The image that is nearest; pieces are shorter than the domain.
+                // The nearest image; pieces are shorter than the domain.
                 let fold = |d: f64, size: f64| d - size * (d / size).round();
                 let (px, py) = (fold(piece[0][0] - x, w), fold(piece[0][1] - y, h));
                 let (dx, dy) = (piece[1][0] - piece[0][0], piece[1][1] - piece[0][1]);
@@ -192,11 +194,11 @@ fn lines_hit_hairs_where_they_are() {
                 let is_beyond = (i == 0 && t < 0.0) || (i == last && t > 1.0);
                 let t = t.clamp(0.0, 1.0);
                 let within = hair.radius_um - (px + t * dx).hypot(py + t * dy);
-                let to = if is_beyond { &mut at_end } else { &mut most };
+                let to = if is_beyond { &mut at_end } else { &mut max };
                 *to = to.max(within);
             }
         }
-        if most < 0.0 && at_end > -2.0 { f64::NAN } else { most }
+        if max < 0.0 && at_end > -2.0 { f64::NAN } else { max }
     };
     let [_, high] = tracer.heights_um();
     let mut rng = Pcg64Mcg::seed_from_u64(2);
@@ -204,7 +206,8 @@ fn lines_hit_hairs_where_they_are() {
     for _ in 0..20_000 {
         let (x, y) = (2000.0 + 1200.0 * (rng.random::<f64>() - 0.5), h * rng.random::<f64>());
         let within = depth(x, y);
-        // Beside the ply, and not at the rim of a tube, which is a polygon with flat ends and mitered bends.
+        // Only lines beside the ply count, away from the rims of tubes, which are polygons with flat ends and
+        // mitered bends.
         if (x - 2000.0).abs() < 65.0 || within.is_nan() || within.abs() < 2.0 {
             continue;
         }
@@ -217,7 +220,7 @@ fn lines_hit_hairs_where_they_are() {
     assert!(shaded > 300 && lit > 300, "{shaded} {lit}");
 }
 
-/// Clear fibers with hairs send out all light, and hairs catch light that passed the ply.
+/// Clear fibers with hairs conserve energy, and hairs scatter light that would have missed the ply.
 #[test]
 fn hairs_keep_all_light() {
     let options = TwinOptions {
@@ -239,7 +242,8 @@ fn hairs_keep_all_light() {
     }
 }
 
-/// Hairs are part of a cloth's text, and of what a twin is compared by; none leave the text as it was.
+/// Hairs are part of a cloth's text and of its comparison with a twin. Their absence leaves the text
+/// unchanged.
 #[test]
 fn hairs_are_in_the_text() {
     let (bare, hairy) = (lone_ply(), hairy_ply());
@@ -259,7 +263,7 @@ fn text_of_another_kind_is_refused_in_one_line() {
     assert!(job(cloth.text()).is_ok());
     for text in ["{}", "name = \"x\"\n", ""] {
         let error = job(text).err().unwrap();
-        assert!(matches!(error, SimError::Merge { .. }), "{error:?}");
+        assert!(matches!(error, RunError::Merge { .. }), "{error:?}");
         let message = error.to_string();
         assert!(message.contains("the text of the cloth") && !message.contains('\n'), "{message}");
     }

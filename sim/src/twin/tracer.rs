@@ -1,9 +1,10 @@
-//! Tracer of rays among the fibers of an infinite periodic cloth: the quads of the domain in a BVH per
-//! family, with rays that re-enter at the other side. A ray within a fiber searches one family only.
+//! Tracer of rays among the fibers of an infinite periodic cloth. The quads of the domain are in one BVH per
+//! family (warp, weft), and rays that leave the domain re-enter on the opposite side. A ray within a fiber
+//! searches one family only.
 //!
-//! A position may lie anywhere in the plane; it is moved into the domain for the search. The domain has all
-//! pieces of tubes that reach into it, and they extend a little beyond, so that a ray followed up to the
-//! border hits no end.
+//! A position may lie anywhere in the plane; it is folded into the domain for the search. The domain has all
+//! pieces of tubes that reach into it. They extend a little beyond its sides, so that a ray up to the side
+//! cannot hit an open end.
 
 use super::curves::TwinCurves;
 use super::domain::Domain;
@@ -21,16 +22,16 @@ use obvhs::cwbvh::CwBvh;
 use obvhs::cwbvh::builder::build_cwbvh;
 use obvhs::ray::{Ray, RayHit};
 use obvhs::triangle::Triangle;
-use plywave::cloth::YarnSet;
+use plywave_textile::YarnSet;
 use rand::Rng;
 use std::cell::Cell;
 use std::time::Duration;
 
-/// Largest number of re-entries before a ray counts as lost.
+/// Maximum number of re-entries before a ray counts as lost.
 const MAX_WRAPS: u32 = 10_000;
-/// Least |z| of the direction of light that is followed.
+/// Minimum |z| of a direction that is followed.
 const MIN_RISE: f32 = 1e-5;
-/// Length beyond a border within which a wall still counts [um], for rounding.
+/// Tolerance for rounding: a wall within this distance beyond a side still counts [um].
 const BEYOND_UM: f32 = 1e-3;
 
 /// The quads of one family, in the order of the leaves of their BVH.
@@ -44,7 +45,7 @@ impl Walls {
     fn new(vertices: &[[f32; 3]], quads: &[[u32; 4]], wall: &[u32]) -> Walls {
         let corner = |v: u32| Vec3A::from_array(vertices[v as usize]);
         let boxes: Vec<Aabb> = quads.iter().map(|q| Aabb::from_points(&q.map(corner))).collect();
-        // A family without yarns has no walls; the BVH must have one.
+        // The BVH needs at least one box, also for a family without yarns.
         let boxes = if boxes.is_empty() { vec![Aabb::from_point(Vec3A::ZERO)] } else { boxes };
         let mut bvh = build_cwbvh(&boxes, BvhBuildParams::fast_build(), &mut Duration::default());
         drop(boxes);
@@ -62,55 +63,57 @@ impl Walls {
     }
 }
 
-/// Light that has left the cloth.
+/// Light that has left the cloth, at the end of a path.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LeftFibers {
-    /// A point of its last line beyond all fibers, from the point at which it came [um].
+    /// A point of its last line outside of all fibers, relative to the point of incidence [um].
     pub offset_um: [f32; 3],
-    /// Its unit direction.
+    /// Unit direction of propagation.
     pub w: [f32; 3],
-    /// Whether a rough wall scattered it last: lamps that [`LightsOfFibers::draw`] draws from are counted.
+    /// Whether the last interaction was at a rough wall, where the light from [`LightsOfFibers::draw`] has
+    /// already been counted by next event estimation.
     pub is_rough: bool,
 }
 
-/// Lamps for a path among fibers, and what it loses on its way.
+/// Lights for next event estimation along a path among fibers, and a record of its absorbing lengths.
 pub trait LightsOfFibers<R> {
-    /// The path has passed a length in a fiber that counts for absorption [um], or none.
+    /// Reports a length in a fiber that counts for absorption [um]; it may be 0.
     fn passes(&mut self, thread: &ThreadOfFiber, inside_um: f32);
 
-    /// A direction to a lamp (unit), for a place given from the point at which the path came [um].
+    /// Draws a unit direction to a light, from a point given relative to the point of incidence [um].
     fn draw(&mut self, place_um: [f32; 3], rng: &mut R) -> Option<[f32; 3]>;
 
-    /// The path would leave to the lamp drawn last with this density [1/sr], by a point beyond all fibers,
-    /// and lose what a length in the fiber takes [um].
+    /// Reports that the path scatters towards the light drawn last with this density [1/sr], unoccluded. It
+    /// leaves by `left_um`, a point outside of all fibers, after the absorbing length `length_um` in the
+    /// fiber.
     fn reached(&mut self, thread: &ThreadOfFiber, left_um: [f32; 3], density: f32, length_um: f32);
 }
 
 /// The walls of all fibers of a domain.
 pub struct ClothTracer {
-    /// Walls of warp and weft.
+    /// Walls of the warp and of the weft.
     walls: [Walls; 2],
     vertices: Vec<[f32; 3]>,
     normals: Vec<[f32; 3]>,
     fibers: Vec<ThreadOfFiber>,
     surfaces: Vec<Surfaces>,
     size: [f32; 2],
-    /// All fibers lie between these heights [um].
+    /// Minimum and maximum height of all fibers [um].
     low: f32,
     high: f32,
 }
 
 impl ClothTracer {
-    /// Packs, sweeps and sorts the fibers of a domain.
+    /// Packs and sweeps the fibers of a domain and builds their BVHs.
     ///
     /// # Errors
-    /// [`SimError::CannotPack`] and the like, [`SimError::TwinTooLarge`].
+    /// The errors of packing, such as [`SimError::CannotPack`], and [`SimError::TwinTooLarge`].
     pub fn new(cloth: &TwinCurves, domain: &Domain, mesh: &TwinMesh, seed: u64) -> Result<ClothTracer, SimError> {
         let ClothMesh { vertices, normals, quads, wall, fibers } = cloth.mesh(domain, mesh, seed)?;
         let heights = || vertices.iter().map(|v| v[2]);
         let (low, high) = (heights().fold(0.0, f32::min) - 0.01, heights().fold(0.0, f32::max) + 0.01);
-        // The warp's quads come first. Families are built one after the other: building takes several times
-        // the memory of the result.
+        // The warp's quads come first. The BVHs are built one after the other, since construction takes
+        // several times the memory of the result.
         let first = wall.partition_point(|w| fibers[*w as usize >> 1].family == YarnSet::Warp);
         let walls =
             [0..first, first..quads.len()].map(|range| Walls::new(&vertices, &quads[range.clone()], &wall[range]));
@@ -126,10 +129,11 @@ impl ClothTracer {
         })
     }
 
-    /// Of the repeats of a cloth, or of as many as give each kind of yarn some of its own.
+    /// Tracer of so many repeats of a cloth; `None` stands for the default of
+    /// [`repeats`](super::TwinOptions::repeats).
     ///
     /// # Errors
-    /// As [`ClothTracer::new`].
+    /// The errors of [`ClothTracer::new`].
     pub fn of_cloth(
         cloth: &TwinCurves,
         repeats: Option<[u32; 2]>,
@@ -149,14 +153,14 @@ impl ClothTracer {
         self.fibers.len()
     }
 
-    /// Bytes of triangles, normals and BVH.
+    /// Memory of triangles, normals and BVHs [bytes].
     pub fn memory_bytes(&self) -> usize {
         self.walls.iter().map(Walls::memory_bytes).sum::<usize>()
             + size_of_val(self.vertices.as_slice())
             + size_of_val(self.normals.as_slice())
     }
 
-    /// Heights between which all fibers lie [um].
+    /// Minimum and maximum height of all fibers [um].
     pub fn heights_um(&self) -> [f32; 2] {
         [self.low, self.high]
     }
@@ -177,17 +181,17 @@ impl ClothTracer {
         self.surfaces[of.spec as usize].of(of.second)
     }
 
-    /// The next wall along the ray from `pos` [um] in unit direction `dir`, within `medium`.
+    /// Nearest wall along the ray from `pos` [um] in unit direction `dir`, within `medium`.
     pub fn trace(&self, pos: Vector3<f32>, dir: Vector3<f32>, medium: Medium) -> Trace {
         // Adding 0 turns -0 into 0, as in the tracer of a ply.
         let d = Vec3A::new(dir.x, dir.y, dir.z) + Vec3A::ZERO;
-        // Within a fiber, its family.
+        // The only family that is searched for a ray within a fiber.
         let own = match medium {
             Medium::Air => None,
             Medium::Fiber(f) | Medium::Lumen(f) => Some(self.thread(f).family as usize),
         };
         let beyond = || if own.is_none() { Trace::Escaped } else { Trace::Lost };
-        // A ray into the material goes against the normal.
+        // A ray that enters the material runs against the normal.
         let into = !matches!(medium, Medium::Fiber(_));
         let folded = self.folded(pos);
         let mut at = [folded.x, folded.y];
@@ -210,17 +214,17 @@ impl ClothTracer {
             }
             let step = to_border[0].min(to_border[1]);
             let origin = Vec3A::new(at[0], at[1], pos.z + dir.z * done);
-            let mut most = (step + BEYOND_UM).min(exit - done + 1.0).max(0.0);
+            let mut max_t = (step + BEYOND_UM).min(exit - done + 1.0).max(0.0);
             let mut nearest = None;
             for (k, walls) in self.walls.iter().enumerate() {
                 if own.is_some_and(|family| family != k) || walls.quads.is_empty() {
                     continue;
                 }
-                let ray = Ray::new(origin, d, 0.0, most);
+                let ray = Ray::new(origin, d, 0.0, max_t);
                 let mut hit = RayHit::none();
                 walls.bvh.ray_traverse(ray, &mut hit, |ray, i| {
                     let (of, lumen) = (walls.wall[i] >> 1, walls.wall[i] & 1 == 1);
-                    // Only the walls of the medium count, from the medium's side.
+                    // Only the walls of the medium count, hit from the medium's side.
                     let wanted = match medium {
                         Medium::Air => !lumen,
                         Medium::Fiber(f) => of == f,
@@ -232,7 +236,7 @@ impl ClothTracer {
                     let i = hit.primitive_id as usize;
                     let (_, corners) = self.intersect(walls.quads[i], &ray, into);
                     nearest = Some((hit.t, walls.wall[i], corners));
-                    most = hit.t;
+                    max_t = hit.t;
                 }
             }
             if let Some((t, wall, corners)) = nearest {
@@ -271,7 +275,7 @@ impl ClothTracer {
         for corners in [[a, b, d], [a, d, c]] {
             let tri = self.triangle(corners);
             let n = (tri.v1 - tri.v0).cross(tri.v2 - tri.v0);
-            // A ray into the material goes against the normal.
+            // A ray that enters the material runs against the normal.
             if (n.dot(ray.direction) < 0.0) == into {
                 let t = tri.intersect(ray);
                 if t < best.0 {
@@ -282,9 +286,9 @@ impl ClothTracer {
         best
     }
 
-    /// Follows light that comes along the line through a point of the cloth's middle plane [um], counted as
-    /// the curves are, in unit direction `w`, until it has left the cloth; `None` if it is lost. `lights` is
-    /// told of what it meets.
+    /// Traces light that comes along the line in unit direction `w` through a point of the cloth's middle
+    /// plane [um], in the coordinates of the curves, until it leaves the cloth. Returns `None` if the path is
+    /// killed. `lights` receives the absorbing lengths and the light of next event estimation.
     pub fn follow<R: Rng>(
         &self,
         at_um: [f32; 2],
@@ -295,15 +299,15 @@ impl ClothTracer {
         let [a, b] = self.size;
         let from = self.folded(Vector3::new(at_um[0] - 0.5 * a, at_um[1] - 0.5 * b, 0.0));
         let dir = Vector3::from(w);
-        // Where a line has the height of the uppermost or of the lowest fibers.
+        // Point of a line at the height of the highest or of the lowest fibers.
         let beyond = |pos: Vector3<f32>, dir: Vector3<f32>, is_up: bool| {
             let height = if is_up { self.high } else { self.low };
             (dir.z.abs() > MIN_RISE).then(|| pos + dir * ((height - pos.z) / dir.z))
         };
-        // What repeats have taken off the position; both closures below use it.
+        // Sum of the translations by which positions were folded; both closures below use it.
         let moved = Cell::new(Vector3::<f32>::zeros());
         let mut was_rough = false;
-        let mut seen = Vec::new();
+        let mut samples = Vec::new();
         let end = walk_by(
             |pos, dir, medium| self.trace(pos, dir, medium),
             |fiber| self.surface(fiber),
@@ -319,24 +323,24 @@ impl ClothTracer {
                 let place = at.pos + moved.get();
                 let light = was_rough.then(|| lights.draw((place - from).into(), rng)).flatten();
                 let light = light.map(Vector3::from).filter(|light| light.dot(&at.axes[2]) > 0.0);
-                let left = light.and_then(|light| beyond(place, light, light.z > 0.0));
-                let (Some(light), Some(left)) = (light, left) else {
+                let exit = light.and_then(|light| beyond(place, light, light.z > 0.0));
+                let (Some(light), Some(exit)) = (light, exit) else {
                     let (scattered, length_um) = at.wall.scatter(at.local, at.outside, rng);
                     lights.passes(thread, length_um);
                     return (scattered, length_um);
                 };
-                seen.clear();
+                samples.clear();
                 let local = Vector3::from(at.axes.map(|axis| axis.dot(&light)));
                 let (scattered, length_um) =
                     at.wall.scatter_toward(at.local, at.outside, rng, local, |density, length_um| {
                         if density > 0.0 {
-                            seen.push((density, length_um));
+                            samples.push((density, length_um));
                         }
                     });
                 let start = at.pos + at.axes[2] * WALL_OFFSET_UM;
-                if !seen.is_empty() && matches!(self.trace(start, light, Medium::Air), Trace::Escaped) {
-                    for (density, length_um) in &seen {
-                        lights.reached(thread, (left - from).into(), *density, *length_um);
+                if !samples.is_empty() && matches!(self.trace(start, light, Medium::Air), Trace::Escaped) {
+                    for (density, length_um) in &samples {
+                        lights.reached(thread, (exit - from).into(), *density, *length_um);
                     }
                 }
                 lights.passes(thread, length_um);
@@ -357,13 +361,13 @@ impl ClothTracer {
         Some(LeftFibers { offset_um: offset.into(), w: dir.into(), is_rough: was_rough })
     }
 
-    /// A position moved into the domain, for full precision.
+    /// A position folded into the domain, which preserves precision.
     pub fn folded(&self, pos: Vector3<f32>) -> Vector3<f32> {
         let fold = |x: f32, size: f32| x - size * (x / size).round();
         Vector3::new(fold(pos.x, self.size[0]), fold(pos.y, self.size[1]), pos.z)
     }
 
-    /// The smooth normal at a point of a triangle.
+    /// Interpolated normal at a point of a triangle.
     fn normal(&self, corners: [u32; 3], p: Vec3A) -> Vector3<f32> {
         let Triangle { v0, v1, v2 } = self.triangle(corners);
         let (e1, e2) = (v1 - v0, v2 - v0);

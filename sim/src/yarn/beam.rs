@@ -1,30 +1,30 @@
 //! First hits of the beam: ply 0, or another ply in front of it or beside it (Yu 2025, 5.3, last paragraphs).
 //!
-//! The beam's lateral profile is cut into thin lines. The plies are visited in the order of their height, and
-//! each stops the share of a line that hits a fiber. Ply 0 then scatters its own slice of the table,
-//! f(theta_i, h), scaled to the energy that it stops; another ply scatters the slices at the offsets of the
-//! lines that it stops. Light that no ply stops misses the yarn. So the energies are those of the lines alone
-//! and do not depend on the slices' Monte Carlo errors near the rim.
+//! The beam's lateral profile is divided into thin lines. The plies are visited in the order of their height,
+//! and each stops the share of a line that hits a fiber. Ply 0 then scatters its own slice of the table,
+//! f(theta_i, h), scaled to the energy that it stops; any other ply scatters the slices at the offsets of the
+//! lines that it stops. Light that no ply stops misses the yarn. The energies therefore follow from the lines
+//! alone and do not depend on the slices' Monte Carlo errors near the rim.
 
 use super::geometry::Intercept;
 use plywave::math::axis;
 use plywave::spec::{GaussianBeam, PlyRing};
-use plywave::table::Table;
+use plywave_tables::table::Table;
 use std::f64::consts::TAU;
 
-/// Samples of psi in the overlap of a bin and a valid range.
+/// Number of samples of psi in the overlap of a bin and a valid range.
 const SUB: usize = 8;
-/// Lines of a beam, and the standard deviations that they cover to each side.
+/// Number of lines of a beam, and of standard deviations that they cover to each side.
 const LINES: usize = 96;
 const SDS: f64 = 5.0;
-/// Least share of a hit beam by which factors of its slice are divided.
-const MIN_MET: f64 = 1e-6;
-/// Bins of psi over which the missed light alone is averaged.
+/// Minimum share of a beam that hits, used as the divisor of its slice's factors.
+const MIN_HIT: f64 = 1e-6;
+/// Number of bins of psi over which the missed light alone is averaged.
 const BINS: usize = 36;
 
 /// Distribution of a beam's power, averaged over the valid orientations of the yarn.
 pub(crate) struct FirstHits {
-    /// `(n', [psi])`: factors of the table's slice at offset n', scattered by a ply at psi (bins of a turn).
+    /// `(n', [psi])`: factors of the table's slice at offset n' that a ply at psi (bins of a turn) scatters.
     pub parts: Vec<(usize, Vec<f64>)>,
     /// Fraction that misses the yarn.
     pub r_d: f64,
@@ -43,7 +43,7 @@ pub(crate) fn first_hits(
     let r_d = &table.r_d[m * columns..(m + 1) * columns];
     let plies = ring.plies as usize;
     let lines = lines(beam, h);
-    let own = |primary: f64| primary / (1.0 - r_d[n]).max(MIN_MET);
+    let own = |primary: f64| primary / (1.0 - r_d[n]).max(MIN_HIT);
     let mut parts = vec![vec![0.0; bins]; columns];
     let (orientations, mut missed) = (orientations(ring, h, bins), 0.0);
     let mut order: Vec<usize> = (0..plies).collect();
@@ -79,8 +79,8 @@ pub(crate) fn first_hits(
     FirstHits { parts, r_d: missed }
 }
 
-/// Valid orientations psi of the yarn for a beam at `h`, and their shares: the middles of equal parts of the
-/// overlap of each bin and each valid range, whose ends are sharp.
+/// Valid orientations psi of the yarn for a beam at `h`, and their shares. They are the middles of equal
+/// parts of the overlap of each bin with each valid range, which resolves the sharp ends of the ranges.
 fn orientations(ring: &PlyRing, h: f64, bins: usize) -> Vec<(f64, f64)> {
     let ranges = ring.valid_ranges(h);
     let per_turn = 1.0 / ranges.iter().map(|(a, b)| b - a).sum::<f64>().max(f64::MIN_POSITIVE);
@@ -121,6 +121,6 @@ fn at_nodes(table: &Table, r_d: &[f64], h: f64) -> [(usize, f64); 2] {
     let last = table.h_um.len() - 1;
     let step = (table.h_um[last] - table.h_um[0]) / last as f64;
     let (n, t) = axis::cell((h - table.h_um[0]) / step, last + 1);
-    let unit = ((1.0 - t) * (1.0 - r_d[n]) + t * (1.0 - r_d[n + 1])).max(MIN_MET);
+    let unit = ((1.0 - t) * (1.0 - r_d[n]) + t * (1.0 - r_d[n + 1])).max(MIN_HIT);
     [(n, (1.0 - t) / unit), (n + 1, t / unit)]
 }

@@ -1,9 +1,8 @@
-//! Conversion between the table's bins of the outgoing sphere and the coarser bins of light between plies.
-//! Energy is moved, never density: a bin's energy is divided in proportion to the solid angles of its
-//! overlaps.
+//! Conversion between the table's bins of the outgoing sphere and the coarser bins of light between plies. It
+//! conserves energy: a bin's energy is divided in proportion to the solid angles of its overlaps.
 
 use plywave::math::axis;
-use plywave::table::OutgoingGrid;
+use plywave_tables::table::OutgoingGrid;
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
 /// Overlaps of the table's rows and columns with coarse ones: for each coarse index, the table's indices and
@@ -64,7 +63,7 @@ impl Overlap {
         }
     }
 
-    /// Means over the table's columns of a profile that is even within each coarse column.
+    /// Means over the table's columns of a profile that is constant within each coarse column.
     pub fn refine(&self, profile: &[f32], to: &mut [f64]) {
         to.fill(0.0);
         let fine = TAU / self.phi_o as f64;

@@ -5,23 +5,23 @@
 //! whose center is c, at the offset h' = t - c . x' in that ply's frame, whose y' axis points back along the
 //! ray. A ply stops only the share s(h') of a line that hits a fiber. The plies are visited in their order
 //! along the ray; each stops the share s of the remaining light, and the light that remains at the end
-//! escapes. So the shares add up to 1 exactly.
+//! escapes. The shares therefore add up to 1 exactly.
 
 use plywave::math::axis;
 use plywave::spec::PlyRing;
-use plywave::table::Table;
+use plywave_tables::table::Table;
 use std::f64::consts::TAU;
 
 /// Share of a line through a ply that hits a fiber, over the line's offset.
 pub(crate) struct Intercept {
-    /// At the centers of equal parts of [-reach, reach].
+    /// Values at the centers of equal parts of [-reach, reach].
     values: Vec<f64>,
     pub reach_um: f64,
 }
 
 impl Intercept {
-    /// Intercepts at each incident latitude of the table: from the paths that hit the ply if the table
-    /// records them, else 1 - r_d of the beam, whose waist blurs the ply's edge.
+    /// Intercepts at each incident latitude of the table. They come from the paths that hit the ply if the
+    /// table records them, otherwise from 1 - r_d of the beam, whose waist blurs the ply's edge.
     pub fn of_table(table: &Table, radius_um: f64) -> Vec<Intercept> {
         let rows = table.theta_i.len();
         let columns = table.h_um.len();
@@ -29,33 +29,33 @@ impl Intercept {
             .map(|m| match &table.exit {
                 Some(exit) => {
                     let width = exit.met.len() / rows;
-                    let met = &exit.met[m * width..(m + 1) * width];
-                    Intercept { values: met.iter().map(|v| f64::from(*v)).collect(), reach_um: radius_um }
+                    let hits = &exit.met[m * width..(m + 1) * width];
+                    Intercept { values: hits.iter().map(|v| f64::from(*v)).collect(), reach_um: radius_um }
                 }
                 None => {
                     let reach_um = table.h_um[columns - 1];
-                    let met = |x: f64| {
+                    let hit = |x: f64| {
                         let (n, t) = axis::cell((x + reach_um) / (2.0 * reach_um) * (columns - 1) as f64, columns);
                         let r_d = &table.r_d[m * columns + n..];
                         1.0 - (r_d[0] + t * (r_d[1] - r_d[0]))
                     };
                     let cells = 8 * columns;
                     let x = |i: usize| reach_um * ((2 * i + 1) as f64 / cells as f64 - 1.0);
-                    Intercept { values: (0..cells).map(|i| met(x(i)).clamp(0.0, 1.0)).collect(), reach_um }
+                    Intercept { values: (0..cells).map(|i| hit(x(i)).clamp(0.0, 1.0)).collect(), reach_um }
                 }
             })
             .collect()
     }
 
-    /// Intercepts at each latitude of the table's fine energies, if it has them.
+    /// Intercepts at each latitude of the table's fine energies; empty for a table without them.
     pub fn fine(table: &Table) -> Vec<Intercept> {
         let Some(energies) = table.energies.as_ref().filter(|e| !e.met.is_empty()) else { return Vec::new() };
         let (rows, reach_um) = (energies.miss_theta_i.len(), energies.miss_h_um[energies.miss_h_um.len() - 1]);
         let values = energies.met.chunks_exact(energies.met.len() / rows);
-        values.map(|met| Intercept { values: met.iter().map(|v| f64::from(*v)).collect(), reach_um }).collect()
+        values.map(|hits| Intercept { values: hits.iter().map(|v| f64::from(*v)).collect(), reach_um }).collect()
     }
 
-    /// Intercepts at the latitudes of the table's slices, from its fine energies, if it has them: the parts
+    /// Intercepts at the latitudes of the table's slices, from its fine energies if it has them. Their parts
     /// are finer than those of [`Intercept::of_table`].
     pub fn of_beams(table: &Table) -> Option<Vec<Intercept>> {
         let fine = Intercept::fine(table);
@@ -63,8 +63,8 @@ impl Intercept {
         Some(fine.into_iter().step_by(steps.max(1)).collect())
     }
 
-    /// Mean over the latitudes, weighted by the light of an even sphere, and over both signs of the offset,
-    /// which a turn of the ply exchanges.
+    /// Mean over the latitudes, weighted by uniform light from the whole sphere, and over both signs of the
+    /// offset, which a rotation of the ply exchanges.
     pub fn mean(all: &[Intercept], theta: &[f64]) -> Intercept {
         let n = all[0].values.len();
         let total: f64 = theta.iter().map(|t| t.cos()).sum();
@@ -103,13 +103,13 @@ pub(crate) struct Level {
 pub(crate) const BINS_A_CELL: usize = 3;
 
 impl Level {
-    pub fn new(plies: u32, rows: usize, least_cells: usize, offsets: usize) -> Level {
+    pub fn new(plies: u32, rows: usize, min_cells: usize, offsets: usize) -> Level {
         let plies = plies as usize;
-        let cells = plies * least_cells.div_ceil(plies);
+        let cells = plies * min_cells.div_ceil(plies);
         Level { rows: 2 * rows.div_ceil(2), azimuths: BINS_A_CELL * cells, cells, offsets: 2 * offsets.div_ceil(2) }
     }
 
-    /// Energies of a state of all cells.
+    /// Number of energies of a state over all cells.
     pub fn state_len(&self) -> usize {
         self.cells * self.rows * self.azimuths
     }
@@ -127,13 +127,13 @@ pub(crate) struct Flights {
     pub escape: Vec<f32>,
 }
 
-/// Samples per azimuth bin, per cell of psi and per lateral position.
+/// Number of samples per azimuth bin, per cell of psi and per lateral position.
 const SUB: usize = 4;
 
 impl Flights {
-    /// Flights over bins of azimuth of the same width as the bins of psi, both evenly filled, for light that
-    /// leaves at `positions` equal parts of [-R, R].
-    pub fn new(ring: &PlyRing, azimuths: usize, positions: usize, offsets: usize, met: &Intercept) -> Flights {
+    /// Flights over bins of azimuth of the same width as the bins of psi, both filled uniformly, for light
+    /// that leaves at `positions` equal parts of [-R, R].
+    pub fn new(ring: &PlyRing, azimuths: usize, positions: usize, offsets: usize, intercept: &Intercept) -> Flights {
         let others = ring.plies as usize - 1;
         let mut flights = Flights {
             azimuths,
@@ -156,19 +156,19 @@ impl Flights {
                 for i in 0..positions {
                     for k in 0..SUB {
                         let t = ring.radius_um * (2.0 * (i as f64 + inside(k)) / positions as f64 - 1.0);
-                        let mut left = weight;
+                        let mut remaining = weight;
                         for &p in order.iter().filter(|&&p| along(p) > 0.0) {
                             let h = t - (centers[p][1] * cos - centers[p][0] * sin);
-                            let taken = left * met.at(h);
-                            if taken > 0.0 {
+                            let stopped = remaining * intercept.at(h);
+                            if stopped > 0.0 {
                                 let at = ((j * positions + i) * others + p) * offsets;
-                                for (x, share) in split(h, met.reach_um, offsets) {
-                                    flights.hits[at + x] += (taken * share) as f32;
+                                for (x, share) in split(h, intercept.reach_um, offsets) {
+                                    flights.hits[at + x] += (stopped * share) as f32;
                                 }
-                                left -= taken;
+                                remaining -= stopped;
                             }
                         }
-                        flights.escape[j * positions + i] += left as f32;
+                        flights.escape[j * positions + i] += remaining as f32;
                     }
                 }
             }
@@ -176,8 +176,8 @@ impl Flights {
         flights
     }
 
-    /// Flights of light spread evenly over the positions and over cells of psi:
-    /// `hits[azimuth - first bin of the cell][ply - 1][h']`, `escape[..]`.
+    /// Flights of light that is uniform over the positions and over cells of psi:
+    /// `hits[azimuth - first bin of the cell][ply - 1][h']` and `escape[azimuth - first bin of the cell]`.
     pub fn of_cells(&self) -> CellFlights {
         let (n, width) = (self.azimuths, self.others * self.offsets);
         let (mut hits, mut escape) = (vec![0.0f32; n * width], vec![0.0f32; n]);
@@ -202,7 +202,8 @@ pub(crate) struct CellFlights {
     pub escape: Vec<f32>,
 }
 
-/// The two of `count` equal parts of [-reach, reach] between whose centers `h` lies, with its shares.
+/// The two of `count` equal parts of [-reach, reach] between whose centers `h` lies, with their linear
+/// weights.
 pub(crate) fn split(h: f64, reach: f64, count: usize) -> [(usize, f64); 2] {
     let (i, t) = axis::cell((h / reach + 1.0) * 0.5 * count as f64 - 0.5, count);
     [(i, 1.0 - t), (i + 1, t)]

@@ -2,13 +2,14 @@
 //! 2025, 5.3).
 //!
 //! Light that travels in direction (theta_o, phi_o) arrives at the latitude theta_i' = -theta_o, and a global
-//! azimuth phi is phi' = phi - phi_o - pi/2 in the ply's frame. So the energy that leaves is
+//! azimuth phi is phi' = phi - phi_o - pi/2 in the ply's frame. The energy that leaves is
 //!
-//! `E'(theta,
-//! phi) = sum over theta_o, h', phi_o of A(theta_o, h', phi_o) F(-theta_o, h'; theta, phi - phi_o - pi/2)`,
+//! ```text
+//! E'(theta, phi) = sum over theta_o, h', phi_o of A(theta_o, h', phi_o) F(-theta_o, h'; theta, phi - phi_o - pi/2)
+//! ```
 //!
-//! where F is the table's distribution of light that hits the ply. This is a circular convolution over the
-//! azimuth: a product at each frequency.
+//! where A is the energy that arrives and F the table's distribution of light that hits the ply. This is a
+//! circular convolution over the azimuth, which is a product at each frequency.
 
 use super::bins::Overlap;
 use super::geometry::Level;
@@ -16,7 +17,7 @@ use faer::linalg::matmul::matmul;
 use faer::{Accum, MatMut, MatRef, Par};
 use num_complex::Complex;
 use plywave::math::axis;
-use plywave::table::{OutgoingGrid, Table};
+use plywave_tables::table::{OutgoingGrid, Table};
 use rayon::prelude::*;
 use rustfft::{Fft, FftPlannerScalar};
 use std::f64::consts::{FRAC_PI_2, TAU};
@@ -51,8 +52,8 @@ pub(crate) struct Scratch {
     work: Vec<C32>,
 }
 
-/// Response to a unit of energy that hits the ply at latitude `theta_i` (any sign) and offset `h_um`, in
-/// coarse bins of the level; azimuths count from the light's direction of travel.
+/// Response to a unit of energy that hits the ply at latitude `theta_i` (any sign) and offset `h_um`, in the
+/// coarse bins of the level. Azimuths are relative to the light's direction of propagation.
 fn response(table: &Table, light: Light, level: Level, theta_i: f64, h_um: f64) -> Vec<f32> {
     let width = TAU / level.azimuths as f64;
     let mirrored = theta_i < 0.0;
@@ -115,7 +116,7 @@ impl Kernel {
         scratch
             .work
             .resize(self.forward.get_inplace_scratch_len().max(self.inverse.get_inplace_scratch_len()), C32::default());
-        // Two real lines per transform, one as the imaginary part of the other.
+        // A transform takes two real lines, one of them as the imaginary part. The spectra are
         // `[frequency][cell][theta_o][h']`.
         scratch.spectra.resize(frequencies * cells * inputs, C32::default());
         let half = C32::new(0.5, 0.0);
@@ -181,7 +182,7 @@ impl Kernel {
 mod tests {
     use super::*;
 
-    /// A table of random slices; nothing is even or symmetric.
+    /// A table of random slices without any symmetry.
     fn table() -> Table {
         let grid = OutgoingGrid { theta_o: 7, phi_o: 10 };
         let (rows, columns) = (3usize, 5usize);
@@ -222,7 +223,8 @@ mod tests {
         }
     }
 
-    /// Brute-force reference: every arriving bin sends its response, turned to its azimuth.
+    /// The kernel agrees with a brute-force reference: the sum over all arriving bins of their responses,
+    /// rotated to their azimuths.
     #[test]
     fn convolution_by_frequencies_is_the_double_loop() {
         let table = table();
@@ -250,14 +252,15 @@ mod tests {
                     }
                 }
             }
-            let most = want.iter().fold(0.0, |a: f64, b| a.max(*b));
+            let max = want.iter().fold(0.0, |a: f64, b| a.max(*b));
             for (i, (got, want)) in got.iter().zip(&want).enumerate() {
-                assert!((f64::from(*got) - want).abs() < 1e-5 * most, "{light:?}, bin {i}: {got}, want {want}");
+                assert!((f64::from(*got) - want).abs() < 1e-5 * max, "{light:?}, bin {i}: {got}, want {want}");
             }
         }
     }
 
-    /// Light that goes straight on: exact forward in the table's frame is the light's own direction.
+    /// Exact forward in the table's frame is the light's own direction, so light that is not deflected keeps
+    /// it.
     #[test]
     fn exact_forward_is_straight_on() {
         let mut table = table();
@@ -280,7 +283,7 @@ mod tests {
         let level = Level { rows: 6, azimuths: 12, cells: 4, offsets: 4 };
         for theta_o in [0.7, -0.7] {
             let out = response(&table, Light::Reflected, level, -theta_o, 13.0);
-            // Within a bin of the azimuth it came with, at its own latitude.
+            // The light leaves within a bin of its incident azimuth, at its own latitude.
             let row = ((theta_o / std::f64::consts::PI + 0.5) * 6.0) as usize;
             let straight = out[row * 12] + out[row * 12 + 11] + out[row * 12 + 1];
             assert!((straight - 1.0).abs() < 1e-5, "theta_o {theta_o}: {out:?}");

@@ -1,27 +1,27 @@
-//! Table of a yarn of P plies, computed from the table of one ply (Yu 2025, 5.3, Eq. 9-10). It is fitted like
-//! any other table.
+//! Table of a yarn of P plies, computed from the table of one ply (Yu 2025, 5.3, Eq. 9-10). It is then fitted
+//! like any other table.
 //!
 //! `f_multi = f_direct + f_conv + f_resi`, averaged over the yarn's valid orientations psi:
 //!
 //! - *first hits* of the beam: ply 0, and the plies that stop some of the beam before or beside it
 //!   (`beam.rs`);
 //! - *direct*: light of a ply's slice that no other ply stops. The flights between plies are 2D
-//!   (`geometry.rs`): each ply stops the share of a line that hits a fiber, and the rest continues, so that
-//!   the shares add up to 1;
-//! - *conv*: the ply that stopped the light scatters it, at the latitude -theta_o and the offset h' at which
-//!   it arrives, by the same table:
-//!   a circular convolution over azimuth (`kernel.rs`);
-//! - *residual*: the same again, order after order, on a grid half as fine (`orders.rs`). The last 1e-4 is
+//!   (`geometry.rs`): each ply stops the share of a line that hits a fiber, and the remaining light
+//!   continues, so that the shares add up to 1;
+//! - *conv*: light that a second ply stops and scatters by the same table, at the latitude -theta_o and the
+//!   offset h' at which it arrives: a circular convolution over azimuth (`kernel.rs`);
+//! - *residual*: all further orders of scattering, on a grid half as fine (`orders.rs`). The last 1e-4 is
 //!   distributed like the last order.
 //!
-//! The paper stops after conv and gives the rest a guessed diffuse lobe. As all plies are alike, light that
-//! leaves ply p of a yarn at psi leaves ply 0 of a yarn at psi + 2 pi p / P. So the orders only need a state
-//! over (psi, theta_o, phi_o).
+//! The paper stops after conv and replaces the remaining light by a diffuse lobe. Since all plies are equal,
+//! light that leaves ply p of a yarn at psi leaves ply 0 of a yarn at psi + 2 pi p / P. The orders therefore
+//! need only a state over (psi, theta_o, phi_o).
 //!
-//! f_refl and f_high are kept apart: light that was only reflected at every ply is f_refl, all else f_high.
-//! At each absorption the chain of all light is computed, and that of f_refl is subtracted. The lateral
-//! positions of the first exit come from the table's record ([`plywave::table::ExitPositions`]); later exits,
-//! and tables without the record, use the paper's even spread.
+//! f_refl and f_high are separate: light that was only reflected at every ply is f_refl, all other light
+//! f_high. At each absorption the chain of all light is computed, and that of f_refl is subtracted. The
+//! lateral positions of the first exit come from the table's record
+//! ([`plywave_tables::table::ExitPositions`]). Later exits, and tables without the record, use the paper's
+//! uniform distribution.
 
 mod beam;
 mod bins;
@@ -39,22 +39,22 @@ use noise::PartsNoise;
 use orders::{Chain, Orders};
 use plywave::math::axis;
 use plywave::spec::YarnSpec;
-use plywave::table::{OutgoingGrid, Table, TableEnergies};
+use plywave_tables::table::{OutgoingGrid, Table, TableEnergies};
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-/// Sizes of the construction.
+/// Grid sizes of the construction.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct YarnOptions {
-    /// Rows of theta_o in the light between plies; orders beyond the first have half of them.
+    /// Number of rows of theta_o in the light between plies; orders beyond the first have half as many.
     pub rows: usize,
-    /// Least number of orientations psi; the bins of phi_o are three times as many. Orders beyond the first
-    /// have half of both.
+    /// Minimum number of orientations psi; there are three times as many bins of phi_o. Orders beyond the
+    /// first have half as many of both.
     pub cells: usize,
-    /// Offsets h' at which light hits a ply.
+    /// Number of offsets h' at which light hits a ply.
     pub offsets: usize,
-    /// Whether to take the first exit's positions from the table where it has them; else light leaves evenly
-    /// over the ply's width.
+    /// Whether the positions of the first exit come from the table, if it has them. Otherwise light leaves
+    /// uniformly over the ply's width.
     pub exits: bool,
     /// Fraction of a chain's light below which the remaining orders are summed as a geometric series.
     pub tolerance: f64,
@@ -69,11 +69,11 @@ impl Default for YarnOptions {
 /// Distribution of the beam's power, `[theta_i][h][sigma]` except for `r_d`. The fields sum to 1.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct YarnLedger {
-    /// Light that one ply scattered and no other stopped.
+    /// Light that exactly one ply scattered.
     pub direct: Vec<f64>,
-    /// Light that two plies scattered.
+    /// Light that exactly two plies scattered.
     pub conv: Vec<f64>,
-    /// Light that more plies scattered.
+    /// Light that three or more plies scattered.
     pub residual: Vec<f64>,
     /// Absorbed light; at sigma = 0, the table's Monte Carlo error and killed paths.
     pub absorbed: Vec<f64>,
@@ -82,13 +82,12 @@ pub struct YarnLedger {
 }
 
 /// Computes the table of the yarn of `spec` from the table of one of its plies, and the ledger of its light.
-/// The result depends on table and options alone. `progress` is called with the incidences done and their
-/// total.
+/// The result depends on table and options alone. `progress` is called with the number of finished incidences
+/// and their total.
 ///
 /// # Errors
-/// [`SimError::Runtime`] when the table's arrays do not fit together, [`SimError::Table`] when it is not of a
-/// single ply,
-/// [`SimError::Option`] when a size is out of range.
+/// [`SimError::Runtime`] if the table's arrays do not fit together, [`SimError::Table`] if it is not that of
+/// a single ply, [`SimError::Option`] if a size is out of range.
 pub fn yarn_table(
     table: &Table,
     spec: &YarnSpec,
@@ -118,7 +117,7 @@ pub fn yarn_table(
     }
     let yarn = Yarn::new(table, spec, options);
     let (rows, columns) = (table.theta_i.len(), table.h_um.len());
-    // Offsets that share the work of a latitude's exit positions; as many as 32 MiB of arrivals hold.
+    // Number of offsets that share the work of a latitude's exit positions, limited to 32 MiB of arrivals.
     let chunk = ((8 << 20) / (yarn.fine.state_len() * yarn.fine.offsets)).clamp(1, columns);
     let jobs: Vec<(usize, Vec<usize>)> = (0..rows)
         .flat_map(|m| (0..columns).collect::<Vec<_>>().chunks(chunk).map(|n| (m, n.to_vec())).collect::<Vec<_>>())
@@ -137,7 +136,8 @@ pub fn yarn_table(
     Ok((out, ledger))
 }
 
-/// The yarn's missed light on the fine grid of the ply's; the other energies at the nodes of its slices.
+/// Energies of the yarn: missed light on the fine grid of the ply's, all others at the nodes of the yarn's
+/// slices.
 fn fine_energies(ply: &Table, yarn: &Table, spec: &YarnSpec) -> Option<TableEnergies> {
     let fine = ply.energies.as_ref()?;
     let intercepts = Intercept::fine(ply);
@@ -168,8 +168,8 @@ struct Yarn<'a> {
     intercepts: Vec<Intercept>,
     flights: Flights,
     escape: Vec<f32>,
-    /// Kernel of the first hop and the orders beyond: for reflection-only light, then for all light at each
-    /// sigma.
+    /// Kernel of the second scattering, and the orders beyond: for reflection-only light, then for all light
+    /// at each sigma.
     kernels: Vec<(Kernel, Orders)>,
     /// Overlap of the table's bins with the fine level's.
     overlap: Overlap,
@@ -181,10 +181,10 @@ struct Yarn<'a> {
 struct Node {
     r_d: f64,
     refl: Vec<f32>,
-    /// `[sigma]`.
+    /// `[sigma][bin]`: density of f_high [1/sr].
     high: Vec<Vec<f32>>,
     /// Integral of the variance of f_refl, then of f_high at each sigma [1/sr]; the noise of light between
-    /// plies counts as averaged out.
+    /// plies averages out and is neglected.
     noise: Vec<f64>,
     /// `[sigma]`: direct, conv, residual, absorbed.
     ledger: Vec<[f64; 4]>,
@@ -193,11 +193,11 @@ struct Node {
     se: f64,
 }
 
-/// Direct light of a part of the table.
+/// Direct light of one part of the table.
 struct FirstExit {
     /// `[bin]`: density [1/sr] on the table's grid.
     direct: Vec<f64>,
-    /// Its noise.
+    /// Noise of the direct light.
     noise: PartsNoise,
 }
 
@@ -256,7 +256,7 @@ impl<'a> Yarn<'a> {
         out
     }
 
-    /// All results at latitude `m` for the offsets `nodes`.
+    /// Results at latitude `m` for the offsets `nodes`.
     fn nodes(&self, m: usize, nodes: &[usize]) -> Vec<Node> {
         let sigmas = self.table.sigma_per_um.len();
         let hits: Vec<_> = nodes
@@ -423,7 +423,7 @@ impl<'a> Yarn<'a> {
         out
     }
 
-    /// All orders beyond the first flight, of the arriving light of kernel `light`.
+    /// All orders of scattering of the arriving light of kernel `light`.
     fn chain(&self, light: usize, arrivals: &[f32], scratch: &mut Scratch) -> Chain {
         let (kernel, orders) = &self.kernels[light];
         let mut state = vec![0.0f32; self.fine.state_len()];
@@ -439,7 +439,7 @@ impl<'a> Yarn<'a> {
     }
 }
 
-/// Assembles the yarn's table from its nodes in order; everything else is the ply's.
+/// Assembles the yarn's table from its nodes in order; everything else is copied from the ply's table.
 fn assemble(table: &Table, plies: u32, nodes: impl Iterator<Item = Node>) -> (Table, YarnLedger) {
     let sigmas = table.sigma_per_um.len();
     let grid: OutgoingGrid = table.grid;
@@ -454,7 +454,7 @@ fn assemble(table: &Table, plies: u32, nodes: impl Iterator<Item = Node>) -> (Ta
         out.r_d[i] = node.r_d;
         out.energy_refl[i] = energy(&node.refl);
         out.energy_killed[i] = node.killed;
-        // Each later scattering adds to the table's error too: once in conv, about three times in the
+        // Each later scattering adds the table's error again: once in conv, about three times in the
         // residual.
         out.energy_se[i] = (node.se + (node.ledger[0][1] + 3.0 * node.ledger[0][2]) * mean_se).min(1.0);
         out.noise_refl[i] = node.noise[0];

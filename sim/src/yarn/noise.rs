@@ -1,22 +1,23 @@
 //! Noise of a sum of slices at different offsets.
 //!
 //! One path serves every offset (`sim/src/shard.rs`): its weight for h is the beam's density g(x - h) at its
-//! lateral position x. So slices at neighboring offsets share paths. With m(x) the probability to hit a
-//! fiber, which weights the origin of the light, the correlation of the noise at h and h' is
+//! lateral position x. Slices at neighboring offsets therefore share paths. With the probability m(x) to hit
+//! a fiber, the correlation of the noise at h and h' is
 //!
 //! ```text
 //! integral g(x - h) g(x - h') m(x) dx / sqrt(integral g(x - h)^2 m(x) dx * integral g(x - h')^2 m(x) dx)
 //! ```
 //!
-//! Within the ply, where m is even, it is exp(-(h - h')^2 / (4 s^2)), s the standard deviation of g: 0.7 from
-//! node to node of usual tables. At the rim, where beams hit only the same edge, it is near 1. A beam beyond
-//! the rim hits many offsets of other plies; treating its parts as independent would halve their noise.
+//! Within the ply, where m is nearly constant, it is exp(-(h - h')^2 / (4 s^2)) with the standard deviation s
+//! of g, which is 0.7 between adjacent nodes of usual tables. At the rim, where beams hit only the same edge,
+//! it is near 1. A beam beyond the rim hits many offsets of other plies; treating its parts as independent
+//! would halve their noise.
 
-/// Least correlation that counts.
+/// Minimum correlation that is not neglected.
 const MIN: f64 = 1e-3;
 
-/// Correlation of the noise of slices at `h_um[n]` and `h_um[k]`, `[n][k]`. `hit` is the probability to hit a
-/// fiber at x. 0 between slices that no light reaches.
+/// `[n][k]`: correlation of the noise of the slices at `h_um[n]` and `h_um[k]`, 0 for slices that no light
+/// reaches. `hit` returns the probability to hit a fiber at x.
 pub(super) fn correlations(h_um: &[f64], beam_sd_um: f64, hit: impl Fn(f64) -> f64) -> Vec<f64> {
     const SDS: f64 = 5.0;
     let step = 0.125 * beam_sd_um;
@@ -36,12 +37,12 @@ pub(super) fn correlations(h_um: &[f64], beam_sd_um: f64, hit: impl Fn(f64) -> f
     (0..h_um.len() * h_um.len()).map(|i| pair(i / h_um.len(), i % h_um.len())).collect()
 }
 
-/// The variance of a sum of slices, part by part in rising order of offsets.
+/// Accumulates the variance of a sum of slices, which are added in ascending order of their offsets.
 #[derive(Default)]
 pub(super) struct PartsNoise {
     /// Integral over the sphere of the sum's variance [1/sr].
     pub integral: f64,
-    /// The last parts: offset node, standard deviations `[bin]`, each with the root of its solid angle.
+    /// The last parts: offset node, and `[bin]` standard deviation times the square root of the solid angle.
     recent: Vec<(usize, Vec<f32>)>,
 }
 
@@ -71,22 +72,22 @@ mod tests {
     use rand::{RngExt, SeedableRng};
     use rand_pcg::Pcg64Mcg;
 
-    /// Slices share paths, each path weighted by the beam's density at every offset, and are summed with some
-    /// weights. The sum's variance from run to run is the one predicted from the slices' variances, not that
-    /// of independent slices.
+    /// Slices that share paths, each path weighted by the beam's density at every offset, are summed with
+    /// weights. The variance of the sum over runs agrees with the prediction from the slices' variances and
+    /// correlations, not with that of independent slices.
     #[test]
     fn noise_of_slices_that_share_paths() {
         let (s, step_um, nodes, bins, paths, runs) = (5.0f64, 5.83f64, 9, 24, 1500, 400);
         let weights = [3.0, 1.5, 0.9, 1.0, 0.7, 0.0, 0.0, 0.4, 0.2];
         let reach = 0.5 * step_um * (nodes - 1) as f64 + 4.0 * s;
         let h = |n: usize| step_um * (n as f64 - 0.5 * (nodes - 1) as f64);
-        // The ply's edges: beyond them nothing is hit, so the outermost beams share their paths.
+        // Beyond the ply's edges nothing is hit, so the outermost beams share their paths.
         let hit = |x: f64| if x.abs() < 18.0 { 1.0 } else { 0.0 };
         let correlated = correlations(&(0..nodes).map(h).collect::<Vec<_>>(), s, hit);
         assert!((correlated[4 * nodes + 5] - (-0.25 * (step_um / s).powi(2)).exp()).abs() < 0.02);
         assert!(correlated[1] > 0.9 && correlated[nodes + 1] == 1.0);
         let mut rng = Pcg64Mcg::seed_from_u64(5);
-        // Uneven density of the bins, the same for every x.
+        // The density over the bins is not uniform; it is the same for every x.
         let cumulative = |b: usize| (b as f64 / bins as f64).powi(2);
         let (mut sums, mut squares) = (vec![0.0; bins], vec![0.0; bins]);
         let (mut own, mut own2) = (vec![vec![0.0; bins]; nodes], vec![vec![0.0; bins]; nodes]);
@@ -116,7 +117,7 @@ mod tests {
         let mut apart = 0.0;
         for n in (0..nodes).filter(|n| weights[*n] > 0.0) {
             let total: f64 = (0..bins).map(|b| variance(own[n][b], own2[n][b])).sum::<f64>();
-            // As in the construction, the slice's integral of variance is spread like its density.
+            // The slice's integral of variance is distributed like its density, like in the construction.
             let factor = |b: usize| (cumulative(b + 1) - cumulative(b)) * weights[n] * weights[n];
             noise.add(n, (0..bins).map(|b| factor(b) as f32).collect(), total, |from| correlated[from * nodes + n]);
             apart += total * weights[n] * weights[n];

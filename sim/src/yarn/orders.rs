@@ -1,23 +1,23 @@
-//! Orders of scattering beyond the second ply, one after the other, until little energy remains; the rest is
-//! distributed like the last order.
+//! Orders of scattering beyond the second ply, computed one after the other until little energy remains. The
+//! remaining energy is distributed like the last order.
 
 use super::geometry::{BINS_A_CELL, CellFlights, Level};
 use super::kernel::{Kernel, Scratch};
 use std::sync::Arc;
 
-/// Largest number of orders before a chain ends in its geometric series.
+/// Maximum number of orders before a chain ends in its geometric series.
 const MAX_ORDERS: usize = 100;
 
-/// Light of one kind that hit a second ply, followed to its end.
+/// Light of one kind that has hit a second ply, with all of its further orders.
 pub(crate) struct Chain {
     /// Sizes (rows, azimuths) of `first` and of `later`.
     pub fine: (usize, usize),
     pub coarse: (usize, usize),
     /// `[theta_o][phi_o]`: energies that escaped after the second ply.
     pub first: Vec<f64>,
-    /// The same after more plies.
+    /// `[theta_o][phi_o]`: energies that escaped after three or more plies.
     pub later: Vec<f64>,
-    /// Their sums.
+    /// Sum of `first`; `residual` is that of `later`.
     pub conv: f64,
     pub residual: f64,
     /// Energy that plies absorbed.
@@ -75,8 +75,8 @@ impl Orders {
         Orders { kernel, level, plies: plies as usize, flights }
     }
 
-    /// Follows all orders from `stopped[cell][theta_o][phi_o]`, light that left the second ply and was
-    /// stopped by a third, on a grid twice as fine.
+    /// Computes all orders from `stopped[cell][theta_o][phi_o]`, the light that left the second ply and that
+    /// a third one stopped, given on a grid twice as fine.
     pub fn run(&self, chain: &mut Chain, fine: Level, stopped: &[f32], tolerance: f64, scratch: &mut Scratch) {
         let sum = |v: &[f32]| v.iter().map(|v| f64::from(*v)).sum::<f64>();
         let mut energy = sum(stopped);
@@ -87,7 +87,8 @@ impl Orders {
         }
         let mut state = self.coarsen(fine, stopped);
         let mut arrivals = vec![0.0f32; self.level.state_len() * self.level.offsets];
-        // This light is known to be stopped, so the share that escapes by the coarser flights is kept.
+        // This light has already been stopped, so the share that would escape on the coarser grid is not
+        // removed.
         self.arrive(&state, &mut arrivals);
         let scale = (energy / sum(&arrivals).max(1e-30)) as f32;
         arrivals.iter_mut().for_each(|v| *v *= scale);
@@ -101,7 +102,7 @@ impl Orders {
             };
             let before = energy;
             energy = before - absorbed - escaped;
-            // The series: each further order is `ratio` of this one.
+            // In the geometric series each further order has the share `ratio` of the previous one.
             let ratio = (energy / before).clamp(0.0, 0.999);
             let last = energy <= least || order + 1 == MAX_ORDERS;
             let times = if last { 1.0 / (1.0 - ratio) } else { 1.0 };
@@ -138,7 +139,7 @@ impl Orders {
         }
     }
 
-    /// A state on the grid half as fine.
+    /// Converts a state to the grid that is half as fine.
     fn coarsen(&self, fine: Level, state: &[f32]) -> Vec<f32> {
         let Level { rows, azimuths, .. } = self.level;
         let mut out = vec![0.0f32; self.level.state_len()];

@@ -2,11 +2,12 @@
 //! measured cloths, and refusals.
 
 use plywave::Error;
-use plywave::cloth::{ClothCurves, ClothSpec, Lattice};
+use plywave::cloth::{ClothCurves, Lattice};
 use plywave::math::vec3::dot;
 use plywave::spec::ply_circle_um;
 use plywave_sim::SimError;
 use plywave_sim::cloth::{ClothSolid, CurveFormat, Effort, MadeCloth, make_cloth, measure, write_curves};
+use plywave_textile::ClothSpec;
 use std::f64::consts::PI;
 
 fn no_file(name: &str) -> Result<Vec<u8>, Error> {
@@ -15,7 +16,7 @@ fn no_file(name: &str) -> Result<Vec<u8>, Error> {
 
 fn made(text: &str) -> Result<MadeCloth, SimError> {
     let spec = ClothSpec::parse(text, "cloth.toml")?;
-    make_cloth(&spec, "cloth.toml", &mut |name| no_file(name), Effort::Full, &|| true)
+    make_cloth(&spec, "cloth.toml", &mut |name| no_file(name), Effort::Full, &|_| true)
 }
 
 fn shipped(name: &str) -> String {
@@ -23,10 +24,26 @@ fn shipped(name: &str) -> String {
     std::fs::read_to_string(path).unwrap()
 }
 
-/// A woven spec of yarns of one fiber; `yarn` are their other keys.
-fn woven(weave: &str, warp: &str, weft: &str) -> String {
-    let yarn = |text: &str| format!("density_g_per_cm3 = 1.5\n{text}\n");
-    format!("name = \"x\"\n[weave]\n{weave}\n[warp]\n{}[weft]\n{}", yarn(warp), yarn(weft))
+/// Keys of a yarn of fibers of 1.5 g/cm3: a round one without twist, unless its own keys say otherwise.
+fn yarn(own: &str) -> String {
+    let has = |key: &str| own.lines().any(|line| line.starts_with(&format!("{key} = ")));
+    let round = [("packing", "0.6"), ("bundles", "1"), ("twist", "\"none\"")];
+    let round = round.iter().filter(|(key, _)| !has(key)).map(|(key, value)| format!("{key} = {value}\n"));
+    format!("fiber = \"flax\"\n{}{own}\n", round.collect::<String>())
+}
+
+/// A woven spec of so many ends and picks a cm; `warp` and `weft` are the keys of their yarns.
+fn woven(weave: &str, [ends, picks]: [f64; 2], warp: &str, weft: &str) -> String {
+    format!(
+        "name = \"x\"\n[weave]\n{weave}\nends_per_cm = {ends}\npicks_per_cm = {picks}\n[warp]\n{}[weft]\n{}",
+        yarn(warp),
+        yarn(weft)
+    )
+}
+
+/// A woven spec whose ends and picks are alike.
+fn alike(weave: &str, per_cm: f64, own: &str) -> String {
+    woven(weave, [per_cm; 2], own, own)
 }
 
 /// Count of a single round yarn of this diameter at density 1.5 and packing 0.6 [tex].
@@ -58,14 +75,10 @@ fn a_plain_weave_of_round_yarns_is_that_of_peirce() {
     for (diameters, per_cm, tension) in
         [([100.0, 100.0], [50.0, 50.0], 1.0), ([100.0, 100.0], [50.0, 40.0], 3.0), ([90.0, 130.0], [40.0, 36.0], 1.0)]
     {
-        let yarn = |k: usize, key: &str, tension: f64| {
-            format!(
-                "count = {{ tex = {} }}\nstiffness = 0.0\n{key} = {}\ntension = {tension}",
-                tex(diameters[k]),
-                per_cm[k]
-            )
+        let yarn = |k: usize, tension: f64| {
+            format!("count = \"{} tex\"\nstiffness = 0.0\ntension = {tension}", tex(diameters[k]))
         };
-        let text = woven("kind = \"plain\"", &yarn(0, "ends_per_cm", 1.0), &yarn(1, "picks_per_cm", tension));
+        let text = woven("kind = \"plain\"", per_cm, &yarn(0, 1.0), &yarn(1, tension));
         let cloth = made(&text).unwrap();
         let lattice = Lattice::new(cloth.curves.cell_um).unwrap();
         let sum = diameters[0] + diameters[1];
@@ -85,17 +98,14 @@ fn a_plain_weave_of_round_yarns_is_that_of_peirce() {
     }
 }
 
-/// Plies of a yarn that nothing presses lie on touching helices, whose circle has a closed form.
+/// Plies of a yarn that nothing presses lie on touching helices: two and three on a circle of closed form,
+/// four on a rhombus.
 #[test]
 fn twisted_plies_touch_as_helices() {
     for (plies, twist) in [(2, 900.0), (3, 700.0), (4, 500.0)] {
-        let yarn = |key: &str| {
-            format!(
-                "count = {{ tex = {} }}\nplies = {plies}\ntwist_per_m = {twist}\n{key} = 9\nstiffness = 0.1",
-                tex(80.0)
-            )
-        };
-        let cloth = made(&woven("kind = \"layers\"", &yarn("ends_per_cm"), &yarn("picks_per_cm"))).unwrap();
+        let yarn =
+            format!("count = \"{} tex\"\nplies = {plies}\nply_twist = \"Z {twist}/m\"\nstiffness = 0.1", tex(80.0));
+        let cloth = made(&alike("kind = \"layers\"", 9.0, &yarn)).unwrap();
         let lattice = Lattice::new(cloth.curves.cell_um).unwrap();
         let warp: Vec<_> =
             cloth.curves.curves.iter().filter(|c| cloth.curves.yarns[c.yarn as usize].kind == 0).collect();
@@ -116,7 +126,13 @@ fn twisted_plies_touch_as_helices() {
         let turns =
             (length / warp[0].shift[1].max(1) as f64 * twist * 1e-6 * f64::from(plies)).round() / f64::from(plies);
         let pitch = length / warp[0].shift[1].max(1) as f64 / turns;
-        let want = ply_circle_um(plies, 40.0, Some(pitch)).unwrap();
+        // All rhombi of four touching circles have one sum of squared distances from the axis, and the length
+        // of a helix is a concave function of the squared distance. So the square is the longest of them, and
+        // at rest two plies touch in the middle: distances are R and sqrt 3 R.
+        let want = match plies {
+            4 => 0.5 * (1.0 + 3.0f64.sqrt()) * 40.0,
+            _ => ply_circle_um(plies, 40.0, Some(pitch)).unwrap(),
+        };
         println!("{plies} plies, pitch {pitch:.0} um: on a circle of {:.3} um, touching {want:.3}", sum / count);
         assert!((sum / count / want - 1.0).abs() < 0.01);
     }
@@ -128,16 +144,16 @@ fn twisted_plies_touch_as_helices() {
 #[test]
 #[ignore = "slow: 20 s: cloths are as thick as measured ones"]
 fn cloths_are_as_thick_as_measured_ones() {
-    let yarn = |tex: f64, key: &str, per_cm: f64| {
+    let yarn = |tex: f64| {
         let twist = 4000.0 / tex.sqrt();
-        format!("count = {{ tex = {tex} }}\npacking = 0.77\nbundles = 7\ntwist_per_m = {twist}\n{key} = {per_cm}")
+        format!("count = \"{tex} tex\"\npacking = 0.77\nbundles = 7\ntwist = \"Z {twist}/m\"")
     };
     for (name, weave, picks, thickness_um) in [
         ("plain", "kind = \"plain\"", 20.0, 480.0),
         ("2/2 twill", "kind = \"twill 2/2\"", 24.0, 530.0),
         ("3/1 twill", "kind = \"twill 3/1\"", 24.0, 500.0),
     ] {
-        let text = woven(weave, &yarn(28.3, "ends_per_cm", 45.0), &yarn(36.9, "picks_per_cm", picks));
+        let text = woven(weave, [45.0, picks], &yarn(28.3), &yarn(36.9));
         let m = made(&text).unwrap().measures;
         println!(
             "{name}: {:.0} um, {:.0} g/m2; measured {thickness_um} um, 221 to 249 g/m2",
@@ -187,8 +203,7 @@ fn shipped_cloths_are_at_rest() {
 /// The same bits on any number of threads.
 #[test]
 fn threads_do_not_change_a_cloth() {
-    let yarn = |key: &str| format!("count = {{ tex = 20 }}\nbundles = 3\ntwist_per_m = 700\n{key} = 30");
-    let text = woven("kind = \"twill 2/1\"", &yarn("ends_per_cm"), &yarn("picks_per_cm"));
+    let text = alike("kind = \"twill 2/1\"", 30.0, "count = \"20 tex\"\nbundles = 3\ntwist = \"Z 700/m\"");
     let on = |threads: usize| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         pool.install(|| made(&text).unwrap().curves)
@@ -198,6 +213,7 @@ fn threads_do_not_change_a_cloth() {
 
 /// A knit keeps the length of its loops, and its plies nearly touch.
 #[test]
+#[ignore = "slow: 33 s: knits keep the length of their loops"]
 fn knits_keep_their_loops() {
     for (kind, stitches) in [
         ("jersey", 1.0),
@@ -211,7 +227,8 @@ fn knits_keep_their_loops() {
         let keys = format!("kind = \"{kind}\"").replace("\nx = \"\"", "");
         let text = format!(
             "name = \"x\"\n[knit]\n{keys}\nwales_per_cm = 14\ncourses_per_cm = 20\nloop_mm = 2.9\n\
-             [yarn]\ncount = {{ tex = 16 }}\ndensity_g_per_cm3 = 1.5\n"
+             [yarn]\n{}",
+            yarn("count = \"16 tex\"")
         );
         let cloth = made(&text).unwrap_or_else(|e| panic!("{kind}: {e}"));
         let length: f64 = cloth.measures.yarns.iter().map(|yarn| yarn.length_um).sum();
@@ -228,8 +245,7 @@ const WALL_UM: f64 = 4.0;
 /// What the numbers say of a cloth is what lines through it meet.
 #[test]
 fn measures_are_those_of_lines_and_points() {
-    let yarn = |key: &str| format!("count = {{ tex = 12 }}\n{key} = 30");
-    let cloth = made(&woven("kind = \"plain\"", &yarn("ends_per_cm"), &yarn("picks_per_cm"))).unwrap();
+    let cloth = made(&alike("kind = \"plain\"", 30.0, "count = \"12 tex\"")).unwrap();
     let solid = ClothSolid::new(&cloth.curves).unwrap();
     let lattice = Lattice::new(cloth.curves.cell_um).unwrap();
     let (mut open, mut highest) = (0, f64::NEG_INFINITY);
@@ -265,8 +281,8 @@ fn measures_are_those_of_lines_and_points() {
 /// A cloth comes back from the files of other programs.
 #[test]
 fn curves_come_back_from_files() {
-    let yarn = |key: &str| format!("count = {{ tex = 20 }}\nplies = 2\ntwist_per_m = 600\n{key} = 18");
-    let cloth = made(&woven("kind = \"twill 2/1\"", &yarn("ends_per_cm"), &yarn("picks_per_cm"))).unwrap();
+    let plied = "count = \"20 tex\"\nplies = 2\nply_twist = \"Z 600/m\"";
+    let cloth = made(&alike("kind = \"twill 2/1\"", 18.0, plied)).unwrap();
     let [a, b] = cloth.curves.cell_um;
     for (ending, cell) in
         [("bcc", format!("cell_um = [{a:?}, {b:?}]\n")), ("tg3", String::new()), ("toml", String::new())]
@@ -275,11 +291,10 @@ fn curves_come_back_from_files() {
         let bytes = write_curves(&cloth.curves, "x", CurveFormat::of(&file).unwrap());
         // Our own format tells the kinds of yarns, those of others do not.
         let yarns = if ending == "toml" { ["warp", "weft"].as_slice() } else { &["yarn"] };
-        let yarns: String =
-            yarns.iter().map(|name| format!("[{name}]\ncount = {{ tex = 20 }}\ndensity_g_per_cm3 = 1.5\n")).collect();
+        let yarns: String = yarns.iter().map(|name| format!("[{name}]\n{}", yarn("count = \"20 tex\""))).collect();
         let text = |relax: &str| format!("name = \"x\"\n[curves]\nfile = \"{file}\"\n{cell}{relax}{yarns}");
         let spec = ClothSpec::parse(&text(""), "cloth.toml").unwrap();
-        let back = make_cloth(&spec, "cloth.toml", &mut |_| Ok(bytes.clone()), Effort::Full, &|| true).unwrap();
+        let back = make_cloth(&spec, "cloth.toml", &mut |_| Ok(bytes.clone()), Effort::Full, &|_| true).unwrap();
         let (lattice, other) =
             (Lattice::new(cloth.curves.cell_um).unwrap(), Lattice::new(back.curves.cell_um).unwrap());
         assert_eq!(back.curves.curves.len(), cloth.curves.curves.len());
@@ -295,7 +310,7 @@ fn curves_come_back_from_files() {
         assert!((back.measures.overlap - cloth.measures.overlap).abs() < 2e-3);
         // Relaxed they stay in place but for the bending, and keep their lengths.
         let spec = ClothSpec::parse(&text("relax = true\n"), "cloth.toml").unwrap();
-        let again = make_cloth(&spec, "cloth.toml", &mut |_| Ok(bytes.clone()), Effort::Full, &|| true).unwrap();
+        let again = make_cloth(&spec, "cloth.toml", &mut |_| Ok(bytes.clone()), Effort::Full, &|_| true).unwrap();
         assert!(again.measures.overlap < 0.02 && again.relaxed.is_some());
         assert!((again.measures.thickness_um / cloth.measures.thickness_um - 1.0).abs() < 0.05);
     }
@@ -304,9 +319,8 @@ fn curves_come_back_from_files() {
 /// What cannot be woven is refused in one line that says what could.
 #[test]
 fn impossible_cloths_are_refused() {
-    let yarn = |key: &str, per_cm: f64| format!("count = {{ tex = 30 }}\n{key} = {per_cm}");
-    let plain =
-        |ends: f64, picks: f64| woven("kind = \"plain\"", &yarn("ends_per_cm", ends), &yarn("picks_per_cm", picks));
+    const COUNT: &str = "count = \"30 tex\"";
+    let plain = |ends: f64, picks: f64| woven("kind = \"plain\"", [ends, picks], COUNT, COUNT);
     let message = made(&plain(70.0, 70.0)).unwrap_err().to_string();
     println!("{message}");
     assert!(message.contains("too thick") && message.lines().count() == 1, "{message}");
@@ -321,8 +335,7 @@ fn impossible_cloths_are_refused() {
         ("kind = \"draft\"\nrows = [\"XX\", \".X\"]", "every row and every column"),
         ("kind = \"draft\"\nrows = [\"X.\", \"X.\"]", "bind every yarn"),
     ] {
-        let text = woven(weave, &yarn("ends_per_cm", 10.0), &yarn("picks_per_cm", 10.0));
-        let message = made(&text).unwrap_err().to_string();
+        let message = made(&alike(weave, 10.0, COUNT)).unwrap_err().to_string();
         assert!(message.contains(want) && message.lines().count() == 1, "{message}");
     }
     // A draft without end is no work for a machine of two cores.
@@ -332,12 +345,12 @@ fn impossible_cloths_are_refused() {
     };
     let rows: Vec<String> = (0..1501).map(|pick| format!("\"{}\"", row(pick))).collect();
     let large = format!("kind = \"draft\"\nrows = [{}]", rows.join(", "));
-    let message =
-        made(&woven(&large, &yarn("ends_per_cm", 20.0), &yarn("picks_per_cm", 20.0))).unwrap_err().to_string();
+    // So fine that its floats are short.
+    let message = made(&alike(&large, 100.0, COUNT)).unwrap_err().to_string();
     assert!(message.contains("too large to relax") && message.lines().count() == 1, "{message}");
     // Two cloths that no yarn joins are told, and lie one above the other.
     let rows = "kind = \"draft\"\nrows = [\"X.XX\", \"..X.\", \"XXX.\", \"X...\"]";
-    let double = made(&woven(rows, &yarn("ends_per_cm", 28.0), &yarn("picks_per_cm", 28.0))).unwrap();
+    let double = made(&alike(rows, 28.0, COUNT)).unwrap();
     assert!(double.notes.iter().any(|note| note.contains("falls apart into 2 cloths")), "{:?}", double.notes);
     let height = |end: i32| {
         let index = double.curves.yarns.iter().position(|y| (y.kind, y.number) == (0, end)).unwrap() as u32;
@@ -346,14 +359,14 @@ fn impossible_cloths_are_refused() {
     };
     assert!(height(0) > height(1) + 150.0, "{} {}", height(0), height(1));
     let curves = |points: &str| {
-        let text = "name = \"x\"\n[curves]\nfile = \"x.tg3\"\n[yarn]\ncount = { tex = 20 }\ndensity_g_per_cm3 = 1.5\n";
-        let spec = ClothSpec::parse(text, "cloth.toml").unwrap();
+        let text = format!("name = \"x\"\n[curves]\nfile = \"x.tg3\"\n[yarn]\n{}", yarn("count = \"20 tex\""));
+        let spec = ClothSpec::parse(&text, "cloth.toml").unwrap();
         let nodes: String = points.split(';').map(|p| format!("<MasterNode Position=\"{p}\"/>")).collect();
         let repeats = "<Repeat value=\"1, 0, 0\"/><Repeat value=\"0, 1, 0\"/>";
         let yarns =
             format!("<Yarn><YarnSection><Section Width=\"0.2\" Height=\"0.2\"/></YarnSection>{repeats}{nodes}</Yarn>");
         let file = format!("<TexGenModel><Textile>{yarns}{yarns}</Textile></TexGenModel>");
-        make_cloth(&spec, "cloth.toml", &mut |_| Ok(file.clone().into_bytes()), Effort::Full, &|| true)
+        make_cloth(&spec, "cloth.toml", &mut |_| Ok(file.clone().into_bytes()), Effort::Full, &|_| true)
             .unwrap_err()
             .to_string()
     };
@@ -366,8 +379,7 @@ fn impossible_cloths_are_refused() {
 /// A pressed cloth is as thick as it is told, and its yarns are wider.
 #[test]
 fn pressing_flattens_yarns() {
-    let yarn = |key: &str| format!("count = {{ tex = 20 }}\nbundles = 7\npacking = 0.77\n{key} = 20");
-    let text = woven("kind = \"plain\"", &yarn("ends_per_cm"), &yarn("picks_per_cm"));
+    let text = alike("kind = \"plain\"", 20.0, "count = \"20 tex\"\nbundles = 7\npacking = 0.77");
     let [loose, pressed] =
         [text.clone(), text.replace("[weave]", "thickness_um = 190\n[weave]")].map(|t| made(&t).unwrap());
     let (l, p) = (&loose.measures, &pressed.measures);
@@ -377,4 +389,23 @@ fn pressing_flattens_yarns() {
     assert!(width(p) > width(l) + 5.0);
     let lattice = Lattice::new(pressed.curves.cell_um).unwrap();
     assert!(measure(&pressed.curves, &lattice, &[]).unwrap().mass_g_per_m2 == 0.0);
+}
+
+/// A cloth whose forces are above the limit is told of, with the force, the limit and what helps.
+#[test]
+fn a_cloth_that_does_not_come_to_rest_is_told_of() {
+    let yarn = "fiber = \"flax\"\ncount = \"20 tex\"\nbundles = 1\n";
+    let text = format!(
+        "name = \"x\"\n[weave]\nkind = \"plain\"\nends_per_cm = 20\npicks_per_cm = 20\n[warp]\n{yarn}[weft]\nas = \"warp\"\n"
+    );
+    let mut cloth = made(&text).unwrap();
+    assert_eq!(cloth.unrest(), None);
+    for (force, is_told) in [(0.049, false), (0.06, true), (f64::NAN, true)] {
+        cloth.relaxed.as_mut().unwrap().force = force;
+        let told = cloth.unrest();
+        assert_eq!(told.is_some(), is_told, "{force}: {told:?}");
+        for words in [&format!("{force:.2} of the tension")[..], "0.05 is the limit", "wider spacings or stitches"] {
+            assert!(told.iter().all(|line| line.contains(words)), "{told:?}: {words}");
+        }
+    }
 }

@@ -36,6 +36,7 @@ fn integrals(at: &impl Bsdf<3>, side: f32) -> [[f64; 3]; 2] {
 }
 
 #[test]
+#[ignore = "slow: 28 s: the mean over the cell conserves energy"]
 fn the_mean_over_the_cell_conserves_energy() {
     // Light that leaves by hairs is that of the layer's own integrals, which nothing scales: 0.9967 along
     // flannel's normal, 0.988 at a cosine of 0.05.

@@ -1,24 +1,27 @@
 //! The cloth of curves as a surface: energy, reciprocity, samples, its file, and the mean over the cell.
 
+use plywave::Document;
 use plywave::bsdf::{Bsdf, BsdfSample};
-use plywave::cloth::{ClothData, ClothModel, ClothOptions, ClothSpec, ColorOf, GapLight, YarnColor};
-use plywave::twin::{ComparisonOptions, compare};
+use plywave::cloth::{ClothData, ClothModel, ClothOptions, ColorOf, GapLight, YarnColor};
 use plywave::{ClothQuery, PlyModel};
-use plywave_sim::cloth::{Effort, make_cloth, make_ready};
-use plywave_sim::runs::Run;
+use plywave_runs::Run;
+use plywave_sim::cloth::{Effort, make_cloth, precompute};
 use plywave_sim::twin::{TwinCurves, TwinOptions, direction as twin_direction, twin};
+use plywave_tables::twin::{ComparisonOptions, compare};
+use plywave_textile::ClothSpec;
 use std::f32::consts::TAU;
 use std::sync::{Arc, LazyLock};
 
 pub fn made(name: &str, plies: &[&str], has_far: bool) -> ClothData {
-    let folder = format!("{}/../fabrics/cloths", env!("CARGO_MANIFEST_DIR"));
-    let text = std::fs::read_to_string(format!("{folder}/{name}.toml")).unwrap();
+    let folder = format!("{}/../fabrics", env!("CARGO_MANIFEST_DIR"));
+    let text = std::fs::read_to_string(format!("{folder}/cloths/{name}.toml")).unwrap();
     let spec = ClothSpec::parse(&text, name).unwrap();
-    let made = make_cloth(&spec, name, &mut |file| panic!("{file} is not to be read"), Effort::Full, &|| true).unwrap();
+    let made =
+        make_cloth(&spec, name, &mut |file| panic!("{file} is not to be read"), Effort::Full, &|_| true).unwrap();
     let models: Vec<Arc<PlyModel>> =
-        plies.iter().map(|ply| Arc::new(PlyModel::load(format!("{folder}/plies/{ply}.pwm")).unwrap())).collect();
+        plies.iter().map(|ply| Arc::new(PlyModel::load(format!("{folder}/models/{ply}.pwm")).unwrap())).collect();
     let effort = if has_far { Effort::Full } else { Effort::Near };
-    make_ready(&text, name, &made.curves, &models, effort, &|_| true).unwrap()
+    precompute(&spec, &text, &made.curves, &models, effort, &|_| true).unwrap()
 }
 
 /// A knit, a woven cloth of plied yarns, and one under hairs.
@@ -144,7 +147,7 @@ fn files_hold_the_cloth() {
         let message = ClothData::from_bytes(&bytes[..cut], "cut.pwc").unwrap_err().to_string();
         assert!(message.contains("cut.pwc") && message.lines().count() == 1, "{message}");
     }
-    let newer = bytes.windows(11).position(|w| w == b"version\\\":1").unwrap();
+    let newer = bytes.windows(10).position(|w| w == b"version\\\":").unwrap();
     let mut other = bytes.clone();
     other[newer + 10] = b'9';
     let message = ClothData::from_bytes(&other, "newer.pwc").unwrap_err().to_string();
@@ -197,12 +200,13 @@ fn the_mean_is_that_of_places() {
 
 /// A draft reflects and transmits as the cloth does, but for chance.
 #[test]
+#[ignore = "slow: 8 s: drafts are near the cloth"]
 fn drafts_are_near_the_cloth() {
     for (cloth, name) in [(&*JERSEY, "jersey"), (&*ORGANZA, "organza")] {
         let spec = ClothSpec::parse(&cloth.spec_text, name).unwrap();
         let no_file = &mut |file: &str| panic!("{file} is not to be read");
-        let made = make_cloth(&spec, name, no_file, Effort::Draft, &|| true).unwrap();
-        let ready = make_ready(&cloth.spec_text, name, &made.curves, &cloth.models, Effort::Draft, &|_| true);
+        let made = make_cloth(&spec, name, no_file, Effort::Draft, &|_| true).unwrap();
+        let ready = precompute(&spec, &cloth.spec_text, &made.curves, &cloth.models, Effort::Draft, &|_| true);
         let draft = ready.unwrap();
         assert!(draft.far.is_none());
         let mean = |data: &ClothData, wo: [f32; 3]| {
@@ -241,8 +245,10 @@ fn any_query_is_answered() {
 #[test]
 fn foreign_models_are_refused() {
     let cotton = JERSEY.models.clone();
+    let (text, curves) = (&ORGANZA.spec_text, &ORGANZA.curves);
+    let spec = ClothSpec::parse(text, "organza").unwrap();
     let make = |models: &[Arc<PlyModel>]| {
-        make_ready(&ORGANZA.spec_text, "x", &ORGANZA.curves, models, Effort::Near, &|_| true).unwrap_err().to_string()
+        precompute(&spec, text, curves, models, Effort::Near, &|_| true).unwrap_err().to_string()
     };
     let message = make(&cotton);
     assert!(message.contains("1 models") && message.lines().count() == 1, "{message}");
@@ -256,7 +262,8 @@ fn colors_are_changed_without_tracing() {
     let cloth = ClothModel::from_data(JERSEY.clone(), &ClothOptions::default()).unwrap();
     let srgb = [0.2f32, 0.5, 0.3];
     let mut green = JERSEY.clone();
-    green.spec_text = green.spec_text.replace("srgb = [0.75, 0.75, 0.72]", "srgb = [0.2, 0.5, 0.3]");
+    assert_eq!(green.looks[0].colors, [YarnColor::Srgb([0.75, 0.75, 0.72])]);
+    green.looks[0].colors = vec![YarnColor::Srgb(srgb)];
     let green = ClothModel::from_data(green, &ClothOptions::default()).unwrap();
     let same = cloth.with_colors([YarnColor::Srgb(srgb), YarnColor::Undyed], ColorOf::EvenSky);
     for k in 0..50 {
@@ -286,6 +293,7 @@ fn colors_are_changed_without_tracing() {
 /// A cloth under hairs reflects and lets through what its explicit fibers and hairs do, clear and dyed; its
 /// file has the layer.
 #[test]
+#[ignore = "slow: 32 s: hairs shade as explicit ones"]
 fn hairs_shade_as_explicit_ones() {
     let data = ClothData::from_bytes(&FLANNEL.to_bytes().unwrap(), "flannel.pwc").unwrap();
     assert!(data.hairs.is_some() && JERSEY.hairs.is_none());

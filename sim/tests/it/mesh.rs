@@ -9,7 +9,7 @@ const FABRICS: [&str; 5] = ["polyester", "cotton", "silk", "wool", "viscose"];
 
 fn fabric(name: &str) -> YarnSpec {
     let path = format!("{}/../fabrics/{name}.toml", env!("CARGO_MANIFEST_DIR"));
-    YarnSpec::load(path).unwrap().0
+    plywave_textile::load_yarn_file(path).unwrap().0
 }
 
 /// Triangles of one fiber as a mesh with the vertices of all.

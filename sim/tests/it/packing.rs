@@ -11,7 +11,7 @@ const FABRICS: [&str; 5] = ["polyester", "cotton", "silk", "wool", "viscose"];
 
 fn fabric(name: &str) -> YarnSpec {
     let path = format!("{}/../fabrics/{name}.toml", env!("CARGO_MANIFEST_DIR"));
-    YarnSpec::load(path).unwrap().0
+    plywave_textile::load_yarn_file(path).unwrap().0
 }
 
 /// Polyester with other fibers and radius.
@@ -181,8 +181,8 @@ fn shares_within(spec: &YarnSpec, seeds: u64, radii: &[f64]) -> Vec<f64> {
     within.into_iter().map(|w| w / all).collect()
 }
 
-/// The radial density of docs/explain/papers.md, written independently: d0 (1 - r^m), with m = 2 or the value
-/// that keeps the middle at 0.82 for discs, 0.72 for others.
+/// The radial density of docs/explain/papers/yu_2025.md, departure 20, written independently: d0 (1 - r^m),
+/// with m = 2 or the value that keeps the middle at 0.82 for discs, 0.72 for others.
 #[test]
 #[ignore = "slow: 20 s: radial density is the asked one"]
 fn radial_density_is_the_asked_one() {
@@ -353,4 +353,43 @@ proptest! {
             }
         }
     }
+}
+
+/// The plies that follow from a label find room for their fibers, of every built-in fiber and of few to
+/// many, in many draws of their sizes.
+#[test]
+#[ignore = "slow: 100 s: plies of labels find room"]
+fn plies_of_labels_find_room() {
+    let mut refused = Vec::new();
+    for fiber in plywave_textile::fiber_names() {
+        let dtex = plywave_textile::Fiber::parse(fiber).unwrap().dtex();
+        for (fibers, draws) in [
+            (1, 40),
+            (2, 40),
+            (3, 40),
+            (4, 40),
+            (5, 40),
+            (6, 40),
+            (7, 40),
+            (10, 30),
+            (13, 30),
+            (17, 30),
+            (30, 10),
+            (74, 3),
+            (140, 2),
+        ] {
+            let text = format!(
+                "name = \"x\"\n[yarn]\nfiber = \"{fiber}\"\ncount = \"{} tex\"\ntwist = \"none\"\n",
+                0.1 * dtex * f64::from(fibers)
+            );
+            let none = plywave::io::MemoryAssets::default();
+            let (spec, _) = plywave_textile::load_yarn(&text, fiber, &none).unwrap();
+            assert_eq!(spec.ply.fibers, fibers, "{fiber}");
+            let failed = (0..draws).filter(|seed| PlySection::generate(&spec, *seed).is_err()).count();
+            if failed > 0 {
+                refused.push(format!("{fiber}, {fibers}: {failed} of {draws} at {:.3}", spec.packing_fraction()));
+            }
+        }
+    }
+    assert!(refused.is_empty(), "{}", refused.join("\n"));
 }

@@ -4,13 +4,14 @@
 
 use nalgebra::{Vector2, Vector3};
 use plywave::spec::YarnSpec;
-use plywave::table::Table;
+use plywave_runs::{Found, PartsFolder, Run, RunError};
 use plywave_sim::*;
+use plywave_tables::table::Table;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 
 fn spec(name: &str) -> (YarnSpec, String) {
-    YarnSpec::load(format!("{}/../fabrics/{name}.toml", env!("CARGO_MANIFEST_DIR"))).unwrap()
+    plywave_textile::load_yarn_file(format!("{}/../fabrics/{name}.toml", env!("CARGO_MANIFEST_DIR"))).unwrap()
 }
 
 fn one_circle(radius_um: f64) -> PlySection {
@@ -245,7 +246,7 @@ fn threads_and_interruptions_do_not_matter() {
     };
     let folder = PartsFolder::open(&parts, Found::Resume).unwrap();
     let run = Run { parts: Some(&folder), stop: Some(&stop), progress: Some(&progress) };
-    assert!(matches!(with(2, run), Err(SimError::Interrupted { .. })));
+    assert!(matches!(with(2, run), Err(RunError::Interrupted { .. })));
     let resumed = with(2, Run { parts: Some(&folder), ..Run::plain() }).unwrap();
     assert_eq!(whole, resumed);
     // A run with another seed may not use these shards.
@@ -321,6 +322,7 @@ fn hits_lie_on_the_walls() {
 /// The walk in 2D conserves power, keeps smooth fibers' light on the specular cone, and, for parallel rough
 /// fibers, gives the azimuthal energies that the 3D simulation of the same yarn gives at the same incidence.
 #[test]
+#[ignore = "slow: 9 s: the walk in 2D keeps the cone and the power"]
 fn walk_in_2d_keeps_the_cone_and_the_power() {
     let (mut spec, text) = spec("silk");
     spec.ply.fiber_pitch_um = None;

@@ -1,13 +1,14 @@
 //! The twin of a cloth. `sim/src/twin/tests.rs` compares its fibers with those of a single ply; here: energy,
 //! reciprocity, the mesh's resolution, refusals, and the same bits however a run is cut.
 
+use plywave::Document;
 use plywave::cloth::{ClothCurves, ClothYarn, Lattice, PlyCurve};
 use plywave::spec::POLYESTER;
-use plywave::twin::{CLASSES, ClothTwin, SphereBins};
+use plywave_runs::{Parts, Run, run_part};
 use plywave_sim::cloth::measure;
-use plywave_sim::runs::{Output, Parts, Run, run_part};
 use plywave_sim::twin::{TwinCurves, TwinJob, TwinMesh, TwinOptions, direction, twin};
 use plywave_sim::{MAX_INTERACTIONS, SimError};
+use plywave_tables::twin::{CLASSES, ClothTwin, SphereBins};
 use std::f64::consts::{PI, TAU};
 
 /// Straight yarns along y above straight yarns along x, or a plain weave of both.
@@ -117,6 +118,7 @@ fn trace(cloth: &TwinCurves, options: &TwinOptions) -> ClothTwin {
 /// At sigma = 0 every path that is not stopped leaves with its full weight, and hardly any is stopped; sums
 /// by bins, by yarns and by plies are the same light.
 #[test]
+#[ignore = "slow: 7 s: all light comes out"]
 fn all_light_comes_out() {
     for (cloth, views) in [
         (layers(), vec![direction(0.0, 0.0), direction(1.2, 0.4)]),
@@ -252,8 +254,9 @@ fn bits_do_not_depend_on_how_the_run_is_cut() {
     for (k, path) in paths.iter().enumerate() {
         run_part(&job, (k + 1, 3), path, Run::plain()).unwrap();
     }
-    let Output::Twin(merged) = Parts::open(&paths).unwrap().output().unwrap() else { panic!("not a twin") };
-    assert_eq!(*merged, whole);
+    let parts = Parts::open(&paths).unwrap();
+    let rebuilt = TwinJob::from_description(parts.description()).unwrap();
+    assert_eq!(parts.merge(&rebuilt).unwrap(), whole);
 }
 
 /// Curves out of range are refused, and domains of more repeats than can be traced, both quickly.

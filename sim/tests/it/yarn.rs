@@ -2,8 +2,9 @@
 //! `sim/src/target.rs` compares the missed light and the exit positions with closed forms.
 
 use plywave::spec::YarnSpec;
-use plywave::table::Table;
-use plywave_sim::{Run, SimOptions, simulate};
+use plywave_runs::Run;
+use plywave_sim::{SimOptions, simulate};
+use plywave_tables::table::Table;
 
 /// A yarn of plies that are one cylinder each.
 fn solid(plies: u32, alpha: f64) -> (YarnSpec, String) {

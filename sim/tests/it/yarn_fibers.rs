@@ -3,10 +3,11 @@
 //! fibers whose exact result follows from those of one kind.
 
 use nalgebra::{Vector2, Vector3};
-use plywave::fiber::{Metal, OpaqueIndex, Reflections};
+use plywave::optics::{Metal, OpaqueIndex, Reflections};
 use plywave::spec::{FiberSpec, POLYESTER, YarnSpec};
-use plywave::table::Table;
+use plywave_runs::Run;
 use plywave_sim::*;
+use plywave_tables::table::Table;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 use std::time::Instant;
@@ -407,24 +408,4 @@ fn a_table_has_the_index_of_its_wavelength() {
     }
     // Blue is reflected more.
     assert!(mean_refl(&blue) > mean_refl(&red));
-}
-
-/// Unsupported input is refused in one line: comparisons of plies with waves, single fibers by rays, an
-/// absorption for a metal.
-#[test]
-fn what_rays_and_waves_do_not_share_is_refused() {
-    use plywave_sim::wave::{CompareJob, CompareOptions, SingleFiber};
-    let says = |error: SimError, what: &str| {
-        let message = error.to_string();
-        assert!(message.contains(what) && message.lines().count() == 1, "{message:?} does not say {what:?}");
-    };
-    let gold = yarn(&format!("{CIRCLE}metal = \"gold\""), "");
-    let text = toml::to_string(&gold).unwrap();
-    for (spec, what) in [(gold, "an opaque fiber"), (hollow(0.5, ", lumen_eta = 1.3", DIELECTRIC), "a filled core")] {
-        let error = CompareJob::new(&spec, "", &CompareOptions::default()).map(|_| ()).unwrap_err();
-        says(error, what);
-    }
-    says(SingleFiber::parse(&text, "gold.toml", 0.01).unwrap_err(), "sigma = 0.01: an opaque fiber has its own");
-    let body = SingleFiber::parse(&text, "gold.toml", 0.0).unwrap().at(0.65);
-    assert_eq!([body.eta, body.kappa], Metal::Gold.index(0.65).map(f64::from));
 }

@@ -2,10 +2,11 @@
 //! is a random walk of photons between plies that shares only the table and the ring of plies with the
 //! construction.
 
+use plywave::Document;
 use plywave::frame::{direction, theta_phi};
 use plywave::spec::YarnSpec;
-use plywave::table::{ExitPositions, OutgoingGrid, Table};
 use plywave_sim::yarn::{YarnOptions, yarn_table};
+use plywave_tables::table::{ExitPositions, OutgoingGrid, Table};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 use std::f64::consts::{PI, TAU};

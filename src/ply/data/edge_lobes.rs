@@ -4,36 +4,37 @@
 //! The lobe points forward (theta -theta_i, phi 3 pi/2, phi_xy 0), so its x axis is the ply's, and has the
 //! energy r_d. Only its bandwidths are stored, over the wavelength and over e = R - |h|, the distance of the
 //! beam's center inside the ply's edge; at e < 0 the beam's center misses. The lobe is normalized exactly,
-//! not by `mu1 mu2/pi` (docs/explain/papers.md).
+//! not by `mu1 mu2/pi` (docs/explain/papers/yu_2025.md, erratum 3).
 
 use crate::Result;
 use crate::io::{Check, Reader, Writer, invalid};
 use crate::ply::asg::{Lobe, MU_MIN};
 use std::f64::consts::{FRAC_PI_2, PI};
 
-/// Tensors of the edge lobes in a model file.
+/// Names of the tensors of the edge lobes in a model file.
 pub(crate) const NAMES: [&str; 4] = ["edge_radius_um", "edge_lambda_um", "edge_inside_um", "edge_ln_mu"];
 
-/// Greatest bandwidth of an edge lobe: a beam of waist 200 um in violet light.
+/// Maximum bandwidth of an edge lobe: that of a beam of waist 200 um in violet light.
 pub const EDGE_MU_MAX: f64 = 1e7;
-/// Largest number of nodes of an axis.
+/// Maximum number of nodes of an axis.
 const MAX_NODES: usize = 1024;
 
-/// Bandwidths of the edge lobe at nodes; ln mu is bilinear between them and constant beyond.
+/// Bandwidths of the edge lobe at nodes. ln mu is bilinear between the nodes and constant beyond them.
 #[derive(Clone, Debug, PartialEq)]
 pub struct EdgeLobes {
-    /// Radius R of the ply [um], from which e is counted.
+    /// Radius R of the ply [um], which e is relative to.
     pub radius_um: f64,
-    /// `[L]` wavelengths [um], uniform, ascending; at least 2.
+    /// `[L]` wavelengths [um], uniform and ascending; at least 2.
     pub lambda_um: Vec<f64>,
-    /// `[E]` e = R - |h| [um], uniform, ascending; at least 2.
+    /// `[E]` e = R - |h| [um], uniform and ascending; at least 2.
     pub inside_um: Vec<f64>,
-    /// `[L][E][2]` ln mu1 (across the ply), ln mu2 (along it).
+    /// `[L][E][2]` ln mu1 (across the ply) and ln mu2 (along it).
     pub ln_mu: Vec<f64>,
 }
 
 impl EdgeLobes {
-    /// The lobe of energy 1 at an incidence: the reference implementation of the runtime's evaluation.
+    /// The lobe of energy 1 at an incidence. This is the reference implementation of the runtime's
+    /// evaluation.
     pub fn lobe(&self, theta_i: f64, h_um: f64, lambda_um: f64) -> Lobe {
         let place = |axis: &[f64], x: f64| {
             let last = axis.len() - 1;
@@ -60,7 +61,7 @@ impl EdgeLobes {
         w.f32("edge_ln_mu", &[l, e, 2], self.ln_mu.iter().map(|v| *v as f32));
     }
 
-    /// Reads the lobes of a file; `None` if it has no tensor of them.
+    /// Reads the lobes of a file; `None` if it has none of their tensors.
     pub(crate) fn read(r: &Reader<'_>) -> Result<Option<EdgeLobes>> {
         if NAMES.iter().all(|name| !r.has(name)) {
             return Ok(None);
@@ -74,7 +75,7 @@ impl EdgeLobes {
         }))
     }
 
-    /// Checks that lobes are valid, when read or written.
+    /// Checks that the lobes are valid. Reading and writing call this.
     pub(crate) fn check(&self, c: &Check<'_>) -> Result<()> {
         c.range("edge_radius_um", &[self.radius_um], 1e-3, 1e6)?;
         let (l, e) = (self.lambda_um.len(), self.inside_um.len());
@@ -94,7 +95,7 @@ impl EdgeLobes {
     }
 }
 
-/// Bandwidth of the unobstructed beam: `|k|^2` falls as `exp(-2 (pi w0 u/lambda)^2)`.
+/// Bandwidth of the unobstructed beam, whose `|k|^2` is `exp(-2 (pi w0 u/lambda)^2)`.
 pub fn beam_mu(w0_um: f64, lambda_um: f64) -> f64 {
     2.0 * (PI * w0_um / lambda_um).powi(2)
 }

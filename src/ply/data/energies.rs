@@ -1,46 +1,47 @@
 //! Energies of a ply model between its nodes: splines over (theta_i, h) whose coefficients are stored in a
 //! model file.
 //!
-//! With m(x) the chance that a line at lateral position x hits a fiber and g the beam's profile,
-//! `1 - r_d(h) = (m * g)(h)`: the energies vary over the beam's width, a few um, while lobes vary over the
-//! ply's. So energies have their own grids. They are stored as two quantities:
+//! Let m(x) be the probability that a line at lateral position x hits a fiber, and g the beam's profile. Then
+//! `1 - r_d(h) = (m * g)(h)`, so energies vary over the beam's width, a few um, while lobes vary over the
+//! ply's width. Energies therefore have their own grids. They are stored as two quantities:
 //!
-//! - the missed share `r_d`. Along theta_i it is as sharp as along h where light is parallel to the leaning
-//!   fibers of the rim: at `tan(theta_i) = pitch / (2 pi h)` the rim of one side opens, so its grid is fine
-//!   in both;
-//! - the shares of the light that hits fibers, `q_refl` and the path-length spectrum `q_high`. Scattering by
-//!   a fiber depends little on where the beam hits it, so these are smooth, and at sigma = 0 they sum to 1.
+//! - the missed share `r_d`. Along theta_i it changes as fast as along h where light is parallel to the
+//!   tilted fibers at the rim: at `tan(theta_i) = pitch / (2 pi h)` the rim of one side opens. Its grid is
+//!   fine in both.
+//! - the shares of the light that hits fibers: `q_refl`, and the path-length spectrum `q_high`. Scattering by
+//!   a fiber depends little on where the beam hits it, so these are smooth. At sigma = 0 they sum to 1.
 //!
-//! Then `E_refl = (1 - r_d) q_refl`, `E_high = (1 - r_d) q_high`, and `r_d + E_refl + E_high = 1` holds at
-//! every incidence.
+//! The energies are `E_refl = (1 - r_d) q_refl` and `E_high = (1 - r_d) q_high`, so
+//! `r_d + E_refl + E_high = 1` holds at every incidence.
 //!
-//! The splines are quadratic B-splines on the nodes of a uniform axis: at a distance f from the nearest node
-//! i, |f| <= 1/2 of a step, `(1/2 - f)^2 / 2 c[i-1] + (3/4 - f^2) c[i] + (1/2 + f)^2 / 2 c[i+1]`. Weights are
-//! never negative and sum to 1: values stay within the bounds of the coefficients, and sums of quantities are
-//! preserved. The slope is continuous. For a profile blurred by a Gaussian of standard deviation s the error
-//! grows with the cube of the step, `4 step^3 |f'''| / (2 pi)^3`: 8e-4 of an edge's height at a step of s/2,
-//! 4e-4 at 0.4 s.
+//! The splines are quadratic B-splines on the nodes of a uniform axis. At a distance f from the nearest node
+//! i, with |f| <= 1/2 of a step, the value is
+//! `(1/2 - f)^2 / 2 c[i-1] + (3/4 - f^2) c[i] + (1/2 + f)^2 / 2 c[i+1]`. The weights are 0 or more and sum to
+//! 1, so values stay within the bounds of the coefficients, and sums of quantities are preserved. The slope
+//! is continuous. For a profile blurred by a Gaussian of standard deviation s the error grows with the cube
+//! of the step, `4 step^3 |f'''| / (2 pi)^3`: it is 8e-4 of an edge's height at a step of s/2, and 4e-4 at
+//! 0.4 s.
 //!
-//! At the ends the coefficients are extrapolated linearly, `c[-1] = 2 c[0] - c[1]`; at theta_i = 0 they are
-//! mirrored, `c(-theta_i, h) = c(theta_i, -h)`.
+//! Beyond the ends the coefficients are extrapolated linearly, `c[-1] = 2 c[0] - c[1]`. At theta_i = 0 they
+//! are mirrored, `c(-theta_i, h) = c(theta_i, -h)`.
 
+use super::limits::ENERGY_TOLERANCE;
 use crate::Result;
 use crate::io::{Check, Reader, Writer, invalid};
-use crate::table::TOLERANCE;
 
-/// Largest number of nodes of an axis.
+/// Maximum number of nodes of an axis.
 const MAX_NODES: usize = 4095;
 
 /// Coefficients of a model's energies. Arrays are flat, last index fastest.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PlyEnergies {
-    /// `[A]` latitudes of `miss` [rad], uniform from 0 to the model's last.
+    /// `[A]` latitudes of `miss` [rad], uniform from 0 to the model's last latitude.
     pub miss_theta_i: Vec<f64>,
     /// `[B]` offsets of `miss` [um], uniform over the model's range.
     pub miss_h_um: Vec<f64>,
     /// `[A][B]`: coefficients of r_d, in [0, 1].
     pub miss: Vec<f64>,
-    /// `[P]` latitudes of the shares [rad], uniform from 0 to the model's last.
+    /// `[P]` latitudes of the shares [rad], uniform from 0 to the model's last latitude.
     pub share_theta_i: Vec<f64>,
     /// `[Q]` offsets of the shares [um], uniform over the model's range.
     pub share_h_um: Vec<f64>,
@@ -50,7 +51,7 @@ pub struct PlyEnergies {
     pub share_high: Vec<f64>,
 }
 
-/// Energies at an incidence.
+/// Energies at one incidence.
 #[derive(Clone, Debug, PartialEq)]
 pub struct EnergiesAt {
     /// Fraction of the beam that hits no fiber.
@@ -62,19 +63,20 @@ pub struct EnergiesAt {
 }
 
 impl EnergiesAt {
-    /// Energy of f_high at an absorption [1/um], for spectra on the path lengths `path_um`.
+    /// Energy of f_high at an absorption [1/um], for spectra over the path lengths `path_um`.
     pub fn high_at(&self, sigma_per_um: f64, path_um: &[f64]) -> f64 {
         self.high.iter().zip(path_um).map(|(e, l)| e * (-sigma_per_um * l).exp()).sum()
     }
 
-    /// Part `p`: f_refl at 0, then path length p - 1 of f_high.
+    /// Entry `p` of the energies: f_refl for 0, else path length p - 1 of f_high.
     pub(in crate::ply) fn part(&self, p: usize) -> f64 {
         if p == 0 { self.refl } else { self.high[p - 1] }
     }
 }
 
 impl PlyEnergies {
-    /// Energies at (theta_i, h) [rad, um]; those at the nearest node beyond the grid.
+    /// Energies at (theta_i, h) [rad, um]. Beyond the grid they are those at its end; theta_i < 0 is
+    /// mirrored.
     pub fn at(&self, theta_i: f64, h_um: f64) -> EnergiesAt {
         let h_um = if theta_i < 0.0 { -h_um } else { h_um };
         let missed = Taps::new(&self.miss_theta_i, &self.miss_h_um, theta_i.abs(), h_um);
@@ -90,7 +92,7 @@ impl PlyEnergies {
 }
 
 impl PlyEnergies {
-    /// The energies with coefficients in single precision, as in files.
+    /// The energies with coefficients rounded to f32, as in files.
     pub(in crate::ply) fn rounded(&self) -> PlyEnergies {
         let round = |values: &[f64]| values.iter().map(|v| f64::from(*v as f32)).collect();
         PlyEnergies {
@@ -101,7 +103,7 @@ impl PlyEnergies {
         }
     }
 
-    /// Writes the tensors, with coefficients in f32. `j` is the number of path lengths.
+    /// Writes the tensors, with coefficients in f32; `j` is the number of path lengths.
     pub(in crate::ply) fn write(&self, w: &mut Writer, j: usize) {
         let (a, b) = (self.miss_theta_i.len(), self.miss_h_um.len());
         let (p, q) = (self.share_theta_i.len(), self.share_h_um.len());
@@ -161,26 +163,26 @@ impl PlyEnergies {
             }
         }
         let [[a, b], [p, q]] = sizes.map(|axes| axes.map(|(_, axis)| axis.len()));
-        for (name, values, shape, most) in [
+        for (name, values, shape, limit) in [
             ("miss", &self.miss, &[a, b][..], 1.0),
-            ("share_refl", &self.share_refl, &[p, q], 1.0 + TOLERANCE),
-            ("share_high", &self.share_high, &[p, q, j], 1.0 + TOLERANCE),
+            ("share_refl", &self.share_refl, &[p, q], 1.0 + ENERGY_TOLERANCE),
+            ("share_high", &self.share_high, &[p, q, j], 1.0 + ENERGY_TOLERANCE),
         ] {
             c.len(name, values.len(), shape)?;
-            c.range(name, values, 0.0, most)?;
+            c.range(name, values, 0.0, limit)?;
         }
         for (i, (refl, high)) in self.share_refl.iter().zip(self.share_high.chunks_exact(j)).enumerate() {
             let sum = refl + high.iter().sum::<f64>();
-            if sum > 1.0 + TOLERANCE {
+            if sum > 1.0 + ENERGY_TOLERANCE {
                 let key = format!("share_refl + share_high at node {i}");
-                return Err(invalid(c.0, &key, sum, &format!("expected at most {}", 1.0 + TOLERANCE)));
+                return Err(invalid(c.0, &key, sum, &format!("expected at most {}", 1.0 + ENERGY_TOLERANCE)));
             }
         }
         Ok(())
     }
 }
 
-/// The nodes around a point and their weights.
+/// The coefficients around a point, and their weights.
 pub(in crate::ply) struct Taps {
     pub(in crate::ply) at: [usize; 2],
     pub(in crate::ply) weights: [[f64; 3]; 2],
@@ -212,12 +214,13 @@ impl Taps {
     }
 }
 
-/// Weights of the nodes before, nearest to and after a point at the distance `f` from the nearest, in steps.
+/// Weights of the nodes before, at and after the node nearest to a point, which is `f` steps beyond that
+/// node.
 fn weights(f: f64) -> [f64; 3] {
     [0.5 * (0.5 - f) * (0.5 - f), 0.75 - f * f, 0.5 * (0.5 + f) * (0.5 + f)]
 }
 
-/// Coefficient (m, n) of a grid, from one before the first to one after the last of each axis (see the
+/// Coefficient (m, n) of a grid, where m and n may be one before the first or one after the last (see the
 /// module).
 pub(in crate::ply) fn coefficient(
     [rows, columns]: [usize; 2],
@@ -243,10 +246,10 @@ pub(in crate::ply) fn coefficient(
     }
 }
 
-/// Coefficients of the spline that has `values[rows][columns]` at the nodes; at least 2 of each.
+/// Coefficients of the spline that has `values[rows][columns]` at the nodes; both sizes are at least 2.
 pub fn spline_coefficients(values: &[f64], rows: usize, columns: usize) -> Vec<f64> {
     let mut c: Vec<f64> = values.chunks_exact(columns).flat_map(|row| filtered(row, None)).collect();
-    // Along theta_i the part that is even in h is mirrored at 0; the odd part changes its sign there.
+    // Along theta_i the part that is even in h is mirrored at 0, and the odd part changes its sign.
     for n in 0..columns.div_ceil(2) {
         let other = columns - 1 - n;
         let column = |sign: f64| -> Vec<f64> {
@@ -260,8 +263,8 @@ pub fn spline_coefficients(values: &[f64], rows: usize, columns: usize) -> Vec<f
     c
 }
 
-/// Solves along one axis: `c[i-1] + 6 c[i] + c[i+1] = 8 v[i]`. The last coefficient is extrapolated linearly,
-/// so it equals its value; so is the first, unless `c[-1] = mirrored c[1]`.
+/// Solves `c[i-1] + 6 c[i] + c[i+1] = 8 v[i]` along one axis. The end coefficients are extrapolated linearly,
+/// so they equal their values; at the first, `mirrored` instead sets `c[-1] = mirrored c[1]`.
 fn filtered(v: &[f64], mirrored: Option<f64>) -> Vec<f64> {
     let last = v.len() - 1;
     let (first, next) = mirrored.map_or((8.0, 0.0), |sign| (6.0, 1.0 + sign));
@@ -305,7 +308,7 @@ mod tests {
         }
     }
 
-    /// Upper tail of the normal distribution, by a sum.
+    /// Upper tail of the normal distribution, as a sum.
     fn tail(t: f64) -> f64 {
         (0..4000).map(|i| t + (f64::from(i) + 0.5) * 0.0025).map(|x| (-0.5 * x * x).exp()).sum::<f64>() * 0.0025
             / std::f64::consts::TAU.sqrt()
@@ -326,7 +329,7 @@ mod tests {
         assert_eq!(g.at(9.0, 99.0), g.at(1.4, 70.0));
     }
 
-    /// The edge of a ply in a beam of standard deviation s, which leans with theta_i. Halving the step
+    /// The edge of a ply in a beam of standard deviation s, which moves with theta_i. Halving the step
     /// divides the error by about 8.
     #[test]
     fn a_blurred_edge_is_found_between_the_nodes() {
@@ -338,7 +341,7 @@ mod tests {
             for i in 0..23 {
                 for k in 0..230 {
                     let (t, h) = (1.4 * (f64::from(i) + 0.37) / 23.0, -70.0 + 140.0 * (f64::from(k) + 0.5) / 230.0);
-                    // At theta_i = 0 the two edges of this profile jump apart.
+                    // At theta_i = 0 the two edges of this profile are discontinuous.
                     if t > 0.15 {
                         worst = worst.max((g.at(t, h).r_d - f(t, h)).abs());
                     }
@@ -361,7 +364,7 @@ mod tests {
             let (t, h) = (1.4 * f64::from(i) / 400.0, 70.0 * (0.37 * f64::from(i)).sin());
             assert!((total(t, h) - 1.0).abs() < 1e-14);
         }
-        // Half way between nodes, where the taps change.
+        // Half-way between nodes, where the nearest node changes.
         for h in [-35.0, 7.0, 49.0] {
             let slope = |a: f64, b: f64| (g.at(0.7, h + b).r_d - g.at(0.7, h + a).r_d) / (b - a);
             assert!((slope(-1e-5, 0.0) - slope(0.0, 1e-5)).abs() < 1e-5, "{h}");

@@ -1,48 +1,49 @@
 //! Exit positions: the distance from the ply's axis at which an exiting line passes it.
 //!
-//! Yu 2025, 5.3, lets light exit uniformly over the ply's width. The simulation records the exit position of
-//! light of each azimuth (`table::ExitPositions`) as t, over R from -1 to 1: light that passed little
+//! Yu 2025, 5.3, lets light exit uniformly over the ply's width. The simulation records, for each azimuth
+//! (`table::ExitPositions`), the exit position t from -1 to 1 in units of R: light that passed through little
 //! material exits near its entry point. The mean of t is a polynomial of the azimuth,
-//! `t = c . (1, x, y, x y, x^2 - y^2)` of the unit vector (x, y) of the direction's azimuth in the ply frame:
-//! light that exits around a point P over R of the ply's section has `t = x P_y - y P_x`. There are three
-//! such polynomials: for single reflection, for other light of clear fibers, and for other light of dark
-//! fibers. Other light at absorption sigma mixes the last two with the shares `v = 1 / (1 + sigma L)` and 1 -
-//! v, L = [`EXIT_LENGTH_UM`]. About the mean, light has the density of [`ExitShape`], whose length is the
-//! lateral spread: clear fibers spread light over the ply; metal wires, whose first reflection is in f_high
-//! as well, send it out next to its entry point.
+//! `t = c . (1, x, y, x y, x^2 - y^2)`, where (x, y) is the unit vector of the direction's azimuth in the ply
+//! frame. Light that exits around a point P of the ply's cross section, in units of R, has
+//! `t = x P_y - y P_x`.
+//!
+//! There are three such polynomials: for single reflection, for other light of clear fibers, and for other
+//! light of dark fibers. Other light at absorption sigma mixes the last two with the weights
+//! `v = 1 / (1 + sigma L)` and 1 - v, where L = [`EXIT_LENGTH_UM`]. About the mean, light has the density of
+//! [`ExitShape`], whose length is the lateral spread. Clear fibers spread light over the ply. Metal wires,
+//! whose first reflection is part of f_high as well, scatter it next to its entry point.
 
 use crate::Result;
 use crate::io::{Check, Reader, Writer};
 use crate::math::simd::{exp2, max, min};
-use crate::ply::PlyData;
 use std::sync::LazyLock;
 
 /// Names of the tensors in a model file.
 pub(crate) const NAMES: [&str; 2] = ["exit_offset", "exit_length"];
 /// Kinds of light: single reflection, other light of clear fibers, other light of dark fibers.
 pub const EXIT_KINDS: usize = 3;
-/// Terms of the polynomial of the azimuth.
+/// Number of terms of the polynomial of the azimuth.
 pub const EXIT_TERMS: usize = 5;
-/// L of the dependence on absorption [um], a path through a ply.
+/// Length L of the dependence on absorption [um], a path through a ply.
 pub const EXIT_LENGTH_UM: f64 = 150.0;
-/// Largest coefficient in a file.
+/// Maximum coefficient in a file.
 const MAX: f64 = 100.0;
-/// Lengths of the kinds' densities, over R, for models without stored lengths: close to the best fit to the
-/// cumulative shares that simulations of polyester, silk, cotton and wool record.
+/// Lengths of the kinds' densities, in units of R, for models without stored lengths. They are close to the
+/// best fit to the cumulative shares that simulations of polyester, silk, cotton and wool record.
 pub const USUAL_EXIT_LENGTHS: [f64; EXIT_KINDS] = [0.13, 0.65, 0.18];
-/// Smallest and largest length.
+/// Minimum and maximum length.
 pub const EXIT_LENGTHS: [f64; 2] = [0.02, 4.0];
 
 /// Exit offsets of a model.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ExitOffsets {
-    /// `[M][H][EXIT_KINDS][EXIT_TERMS]`: coefficients of the mean over R, at the nodes of the lobes.
+    /// `[M][H][EXIT_KINDS][EXIT_TERMS]`: coefficients of the mean, in units of R, at the nodes of the lobes.
     pub mean: Vec<f64>,
-    /// Lengths of the densities about the mean, over R, in [`EXIT_LENGTHS`].
+    /// Lengths of the densities about the mean, in units of R, within [`EXIT_LENGTHS`].
     pub length: [f64; EXIT_KINDS],
 }
 
-/// Terms of the polynomial at an azimuth with this cosine and sine.
+/// Terms of the polynomial at an azimuth with the cosine x and the sine y.
 #[inline]
 pub fn exit_terms(x: f32, y: f32) -> [f32; EXIT_TERMS] {
     [1.0, x, y, x * y, x * x - y * y]
@@ -51,7 +52,7 @@ pub fn exit_terms(x: f32, y: f32) -> [f32; EXIT_TERMS] {
 impl ExitOffsets {
     pub(crate) fn write(&self, w: &mut Writer, m: usize, h: usize) {
         w.f32(NAMES[0], &[m, h, EXIT_KINDS, EXIT_TERMS], self.mean.iter().map(|v| *v as f32));
-        // A file without stored lengths is written unchanged.
+        // A file without stored lengths is written back without them.
         if self.length != USUAL_EXIT_LENGTHS {
             w.f32(NAMES[1], &[EXIT_KINDS], self.length.iter().map(|v| *v as f32));
         }
@@ -90,22 +91,23 @@ pub(crate) struct ExitTables {
 }
 
 impl ExitTables {
-    pub(crate) fn new(d: &PlyData) -> Option<ExitTables> {
-        let exits = d.exits.as_ref()?;
-        let (rows, columns) = (d.theta_i.len(), d.h_um.len());
+    /// Lays out the offsets of a model with these axes.
+    pub(crate) fn new(exits: &ExitOffsets, theta_i: &[f64], h_um: &[f64]) -> ExitTables {
+        let (rows, columns) = (theta_i.len(), h_um.len());
         let of = |at: usize| std::array::from_fn(|i| exits.mean[at * EXIT_TERMS + i] as f32);
-        Some(ExitTables {
+        ExitTables {
             rows,
             columns,
-            per_theta: ((rows - 1) as f64 / d.theta_i[rows - 1]) as f32,
-            per_h: ((columns - 1) as f64 / (d.h_um[columns - 1] - d.h_um[0])) as f32,
-            h_first: d.h_um[0] as f32,
+            per_theta: ((rows - 1) as f64 / theta_i[rows - 1]) as f32,
+            per_h: ((columns - 1) as f64 / (h_um[columns - 1] - h_um[0])) as f32,
+            h_first: h_um[0] as f32,
             mean: (0..rows * columns).map(|node| std::array::from_fn(|k| of(EXIT_KINDS * node + k))).collect(),
             shapes: exits.length.map(ExitShape::new),
-        })
+        }
     }
 
-    /// Offsets at an incidence, bilinear over the nodes. A negative latitude is rotated about y.
+    /// Offsets at an incidence, bilinear between the nodes. A negative latitude is evaluated for the ply
+    /// rotated about y.
     pub(crate) fn at(&self, theta_i: f32, h_um: f32) -> ExitsAt {
         let (theta, h) = (theta_i.abs(), if theta_i < 0.0 { -h_um } else { h_um });
         let place = |x: f32, count: usize| {
@@ -130,7 +132,7 @@ impl ExitTables {
             }
         }
         if theta_i < 0.0 {
-            // x turns to -x, t to -t.
+            // The rotation maps x to -x and t to -t.
             for c in &mut mean {
                 *c = [-c[0], c[1], -c[2], c[3], -c[4]];
             }
@@ -139,20 +141,20 @@ impl ExitTables {
     }
 }
 
-/// Largest tangent of a latitude that is used, for light almost along a ply.
+/// Maximum tangent of a latitude, for light almost along a ply.
 const MAX_TAN: f32 = 6.0;
 
 fn tan(theta: f32) -> f32 {
     theta.sin() / theta.cos().max(1.0 / MAX_TAN)
 }
 
-/// Where light exits, in units of R: its line is nearest to the ply's axis `s` further along z than the
-/// incident line.
+/// Where light exits, in units of R. Its line is nearest to the ply's axis at a point `s` further along z
+/// than that of the incident line.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct ExitLine {
-    /// How far along.
+    /// Distance along z.
     pub s: f32,
-    /// Distribution of light of its kind over the offset t of its line from the axis, along `z cross w`.
+    /// Density of light of this kind over the offset t of its line from the axis, along `z cross w`.
     pub density: ExitDensity,
 }
 
@@ -165,8 +167,8 @@ pub struct ExitsAt {
 }
 
 impl ExitsAt {
-    /// Offsets for models without a record: single reflection exits from the ply's wall, where a line at the
-    /// offset `h` (over R) enters it, other light from anywhere.
+    /// Offsets for models that do not store them. Single reflection exits from the ply's wall where a line at
+    /// the offset `h`, in units of R, enters it; other light exits from anywhere.
     pub(crate) fn unknown(theta_i: f32, h: f32) -> ExitsAt {
         let h = h.clamp(-1.0, 1.0);
         let mut mean = [[0.0; EXIT_TERMS]; EXIT_KINDS];
@@ -176,8 +178,8 @@ impl ExitsAt {
 
     /// Mean lines of the three kinds of light in a direction of the ply frame, for a model with these shapes.
     ///
-    /// The point P at which the light turns lies on the incident line, `P_z = P_y tan theta_i`; the exit line
-    /// is nearest to the axis at `s = P_z - (P_x x + P_y y) tan theta_o`.
+    /// The point P at which the light is scattered lies on the incident line, so `P_z = P_y tan theta_i`. The
+    /// exit line is nearest to the axis at `s = P_z - (P_x x + P_y y) tan theta_o`.
     #[inline]
     pub fn lines(&self, shapes: &[ExitShape; EXIT_KINDS], wo: [f32; 3]) -> [ExitLine; EXIT_KINDS] {
         let squared = wo[0] * wo[0] + wo[1] * wo[1];
@@ -185,7 +187,7 @@ impl ExitsAt {
         let (x, y) = (wo[0] * per, wo[1] * per);
         let terms = exit_terms(x, y);
         let tan = (wo[2] * per).clamp(-MAX_TAN, MAX_TAN);
-        // A closure for `from_fn` would be called.
+        // A loop, because the compiler does not inline a closure of `from_fn`.
         let mut lines = [ExitLine::default(); EXIT_KINDS];
         for (kind, line) in lines.iter_mut().enumerate() {
             let c = &self.mean[kind];
@@ -200,28 +202,29 @@ impl ExitsAt {
         lines
     }
 
-    /// Share v of the kind of clear fibers.
+    /// Weight v of the kind of clear fibers.
     #[inline]
     pub fn clear_share(sigma_per_um: f32) -> f32 {
         1.0 / (1.0 + EXIT_LENGTH_UM as f32 * sigma_per_um.clamp(0.0, 1e6))
     }
 }
 
-/// Number of tabulated means of a shape, from 0 to the greatest.
+/// Number of tabulated means of a shape, from 0 to the maximum.
 const MEANS: usize = 65;
 const MAX_MEAN: f32 = 0.97;
 
 /// Densities of one length: the distribution of a kind of light across a ply at its exit, by its mean offset.
-/// Over the offsets t, from -1 to 1, it falls exponentially on both sides of a mode,
-/// `exp(-|t - mode| / length)` over its integral (docs/explain/cloth_model.md, Where light leaves a ply).
+/// Over the offsets t, from -1 to 1, the density decreases exponentially on both sides of a mode: it is
+/// `exp(-|t - mode| / length)` divided by its integral (docs/explain/cloth_model.md, Where light leaves a
+/// ply).
 #[derive(Clone, Debug)]
 pub struct ExitShape {
-    /// Mode and length by the mean, both over R.
+    /// Mode and length at the tabulated means, both in units of R.
     nodes: [[f32; 2]; MEANS],
 }
 
 impl ExitShape {
-    /// The shape of a length over R, in [`EXIT_LENGTHS`].
+    /// The shape of a length in units of R, within [`EXIT_LENGTHS`].
     pub fn new(length: f64) -> ExitShape {
         let mean = |i: usize| f64::from(MAX_MEAN) * i as f64 / (MEANS - 1) as f64;
         ExitShape { nodes: std::array::from_fn(|i| shape(mean(i), length).map(|v| v as f32)) }
@@ -233,8 +236,8 @@ impl ExitShape {
         &SHAPES
     }
 
-    /// The share of light that exits a ply at offsets below `t`, over R from -1 to 1, for a kind whose mean
-    /// offset is `mean` ([`ExitOffsets`]).
+    /// The share of light that exits a ply at offsets below `t`, in units of R from -1 to 1, for a kind whose
+    /// mean offset is `mean` ([`ExitOffsets`]).
     pub fn share_below(&self, mean: f32, t: f32) -> f32 {
         self.density(mean).below(t)
     }
@@ -261,7 +264,8 @@ impl ExitShape {
 
 /// Mean of the density with this mode and length.
 fn mean_of(mode: f64, length: f64) -> f64 {
-    // For each side of the mode, its width: energy and first moment about the mode, over the length.
+    // For each side of the mode, of this width: its energy, and its first moment about the mode, in units of
+    // the length.
     let [below, above] = [1.0 + mode, 1.0 - mode].map(|width| {
         let tail = (-width / length).exp();
         [1.0 - tail, length - (length + width) * tail]
@@ -269,8 +273,8 @@ fn mean_of(mode: f64, length: f64) -> f64 {
     mode + (above[1] - below[1]) / (below[0] + above[0])
 }
 
-/// Mode and length of the density with a mean of 0 or more. If the mean lies too near to the rim for the
-/// kind's length, the mode is at the rim and the length is shorter.
+/// Mode and length of the density with a mean of 0 or more. If the mean is too near to the rim for the kind's
+/// length, the mode is at the rim and the length is shorter.
 fn shape(mean: f64, length: f64) -> [f64; 2] {
     let is_short = mean_of(1.0, length) < mean;
     let (mut low, mut high) = if is_short { (1e-3, length) } else { (0.0, 1.0) };
@@ -282,15 +286,15 @@ fn shape(mean: f64, length: f64) -> [f64; 2] {
     if is_short { [1.0, low] } else { [low, length] }
 }
 
-/// A density of [`ExitShape`].
+/// The density of an [`ExitShape`] with one mean.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct ExitDensity {
     mode: f32,
-    /// log2(e) over the length.
+    /// log2(e) divided by the length.
     per: f32,
-    /// The density at the lower rim over that at the mode.
+    /// The density at the lower rim relative to that at the mode.
     tail: f32,
-    /// 1 over the integral, in lengths.
+    /// The reciprocal of the integral, in lengths.
     per_all: f32,
 }
 
@@ -303,7 +307,7 @@ impl ExitDensity {
         (if t < 0.0 { e } else { 2.0 - e } - self.tail) * self.per_all
     }
 
-    /// The share per offset at `t`, which lies from -1 to 1.
+    /// The density at the offset `t`, which is in [-1, 1].
     pub fn at(&self, t: f32) -> f32 {
         exp2::<false>(-(t - self.mode).abs() * self.per) * self.per_all * self.per * std::f32::consts::LN_2
     }
@@ -347,7 +351,7 @@ mod tests {
         }
     }
 
-    /// A point of the section, seen from a rotated ply, is the rotated point.
+    /// A point of the cross section, seen from a rotated ply, is the rotated point.
     #[test]
     fn negative_latitudes_are_turned() {
         let node = |h: f32| -> Coefficients { [[0.1, 0.7, -h, 0.2, 0.05]; EXIT_KINDS] };

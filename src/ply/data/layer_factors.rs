@@ -1,23 +1,24 @@
-//! The tensors of a model for light that layers of its yarns reflect and transmit (Yu 2025, 5.4).
+//! The tensors of a model that describe how layers of its yarns reflect and transmit light (Yu 2025, 5.4).
 
+use super::energies::{EnergiesAt, PlyEnergies};
+use super::limits::ENERGY_TOLERANCE;
 use crate::Result;
 use crate::io::{Check, Reader, Writer, invalid};
-use crate::ply::{EnergiesAt, PlyData};
-use crate::table::TOLERANCE;
 
 /// Names of the tensors in a model file.
 pub(crate) const NAMES: [&str; 2] = ["layer_forward", "layer_diffuse"];
 
-/// The tensors of a model that define its layers. Flat arrays, last index fastest; on the last axis the first
-/// entry is f_refl, the others are the path-length spectrum of f_high on [`crate::ply::PlyData::path_um`], so
-/// a factor is valid at every absorption.
+/// The tensors of a model that define its layers. Arrays are flat, last index fastest. On the last axis the
+/// first entry is f_refl and the others are the path-length spectrum of f_high over
+/// [`crate::ply::PlyData::path_um`], so a factor is valid at every absorption.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LayerFactors {
-    /// `[2 M - 1][2 H - 1][1 + J]`, at the nodes and midway between them: energy that exits into the half
-    /// space away from the light, y < 0 in the ply frame. Lobes turn and blocks change between nodes, and
-    /// forward light with them.
+    /// `[2 M - 1][2 H - 1][1 + J]`, at the nodes and half-way between them: energy that exits into the half
+    /// space away from the light, y < 0 in the ply frame. It is tabulated half-way too because lobes rotate
+    /// and blocks change between nodes, and forward light changes with them.
     pub forward: Vec<f64>,
-    /// `[2][1 + J]`: reflected and transmitted fractions of diffuse light, of the light that hits fibers.
+    /// `[2][1 + J]`: fractions of diffuse light that are reflected and transmitted, relative to the light
+    /// that hits fibers.
     pub diffuse: Vec<f64>,
 }
 
@@ -38,27 +39,26 @@ impl LayerFactors {
         }))
     }
 
-    /// Checks the factors beside a model of checked sizes and energies: at most the scattered light goes
-    /// forward, and at most the incident diffuse light exits.
-    pub(crate) fn check(&self, c: &Check<'_>, model: &PlyData) -> Result<()> {
-        let (m, h, _, j) = model.sizes();
-        let (rows, columns) = (2 * m - 1, 2 * h - 1);
+    /// Checks the factors of `j` path lengths against checked energies on the model's axes. Forward energy
+    /// must not exceed scattered energy, and reflected plus transmitted diffuse light must not exceed 1.
+    pub(crate) fn check(&self, c: &Check<'_>, all: &PlyEnergies, [theta_i, h_um]: [&[f64]; 2], j: usize) -> Result<()> {
+        let (rows, columns) = (2 * theta_i.len() - 1, 2 * h_um.len() - 1);
         for (name, values, shape) in
             [(NAMES[0], &self.forward, &[rows, columns, 1 + j][..]), (NAMES[1], &self.diffuse, &[2, 1 + j])]
         {
             c.len(name, values.len(), shape)?;
-            c.range(name, values, 0.0, 1.0 + TOLERANCE)?;
+            c.range(name, values, 0.0, 1.0 + ENERGY_TOLERANCE)?;
         }
-        let energies = half_nodes(model);
-        // All paths of f_high together: lobes are scaled to the energy as a whole, so one path may send more
-        // light forward than is scattered on it.
+        let energies = half_nodes(all, theta_i, h_um);
+        // All paths of f_high are compared together. Lobes are scaled to their total energy, so a single path
+        // may scatter more light forward than its share of the energy.
         for (i, forward) in self.forward.chunks_exact(1 + j).enumerate() {
             let energy = &energies[i];
             for (part, forward, energy) in [
                 ("f_refl", forward[0], energy.refl),
                 ("f_high", forward[1..].iter().sum(), energy.high.iter().sum::<f64>()),
             ] {
-                if forward > energy + TOLERANCE {
+                if forward > energy + ENERGY_TOLERANCE {
                     let key = format!("{} of {part} at row {}, column {}", NAMES[0], i / columns, i % columns);
                     let hint = format!("what goes forward is a part of what is scattered there, {energy:.4}");
                     return Err(invalid(c.0, &key, forward, &hint));
@@ -66,34 +66,20 @@ impl LayerFactors {
             }
         }
         let sum: f64 = self.diffuse.iter().sum();
-        if sum > 1.0 + TOLERANCE {
-            let hint =
-                format!("expected at most {}: what is sent back and passes is a part of what comes", 1.0 + TOLERANCE);
+        if sum > 1.0 + ENERGY_TOLERANCE {
+            let hint = format!(
+                "expected at most {}: what is sent back and passes is a part of what comes",
+                1.0 + ENERGY_TOLERANCE
+            );
             return Err(invalid(c.0, &format!("sum of {}", NAMES[1]), sum, &hint));
         }
         Ok(())
     }
 }
 
-impl PlyData {
-    /// Limits forward light to scattered light, where both were interpolated separately.
-    pub(in crate::ply) fn bound_layers(&mut self) {
-        let Some(mut layers) = self.layers.take() else { return };
-        let size = 1 + self.path_um.len();
-        for (forward, energy) in layers.forward.chunks_exact_mut(size).zip(half_nodes(self)) {
-            forward[0] = forward[0].min(energy.refl);
-            let (sum, most) = (forward[1..].iter().sum::<f64>(), energy.high.iter().sum::<f64>());
-            if sum > most {
-                forward[1..].iter_mut().for_each(|f| *f *= most / sum);
-            }
-        }
-        self.layers = Some(layers);
-    }
-}
-
-/// Energies at the nodes and midway between them, `[2 M - 1][2 H - 1]`.
-pub(in crate::ply) fn half_nodes(d: &PlyData) -> Vec<EnergiesAt> {
-    let (rows, columns) = (2 * d.theta_i.len() - 1, 2 * d.h_um.len() - 1);
+/// Energies at the nodes and half-way between them, `[2 M - 1][2 H - 1]`.
+pub(in crate::ply) fn half_nodes(energies: &PlyEnergies, theta_i: &[f64], h_um: &[f64]) -> Vec<EnergiesAt> {
+    let (rows, columns) = (2 * theta_i.len() - 1, 2 * h_um.len() - 1);
     let half = |axis: &[f64], i: usize| 0.5 * (axis[i / 2] + axis[i.div_ceil(2)]);
-    (0..rows * columns).map(|i| d.energies.at(half(&d.theta_i, i / columns), half(&d.h_um, i % columns))).collect()
+    (0..rows * columns).map(|i| energies.at(half(theta_i, i / columns), half(h_um, i % columns))).collect()
 }

@@ -1,4 +1,5 @@
-//! A whole model for one of a family's yarns.
+//! A whole ply model for one of a family's yarns: all tensors of the nodes blended by the parameters'
+//! weights.
 
 use super::PlyFamily;
 use super::data::{FamilyParam, FamilyParams};
@@ -11,20 +12,20 @@ use crate::ply::{ExitOffsets, LayerFactors, LobeKind, PlyData, PlyEnergies, PlyM
 const PARAMS: &str = "parameters of the family";
 
 impl PlyFamily {
-    /// The model with these parameters, as if fitted to a simulation of them: without speckle, with errors
-    /// interpolated from those of the nodes.
+    /// The model with these parameters, as if it had been fitted to a simulation of them. It has no speckle,
+    /// and its errors are interpolated between those of the nodes.
     ///
     /// # Errors
-    /// [`crate::Error::Invalid`] for a parameter outside its range, or different from the spec's if it is not
-    /// an axis of the family.
+    /// [`crate::Error::Invalid`] if a parameter is outside its range, or if it is not an axis of the family
+    /// and differs from the spec's value.
     pub fn at(&self, params: &FamilyParams) -> Result<PlyModel> {
         Ok(PlyModel::from_parts(self.data_at(params)?, Vec::new()))
     }
 
-    /// The tensors of [`PlyFamily::at`], to save as a model file.
+    /// The tensors of [`PlyFamily::at`], which can be saved as a model file.
     ///
     /// # Errors
-    /// As [`PlyFamily::at`].
+    /// Those of [`PlyFamily::at`].
     pub fn data_at(&self, params: &FamilyParams) -> Result<PlyData> {
         let mut at = [0.0; 3];
         for (i, param) in FamilyParam::ALL.into_iter().enumerate() {

@@ -1,18 +1,18 @@
-//! The tensors of a family: axes, and models at the nodes that share theirs.
+//! The tensors of a family: its axes, and models at the nodes that share their own axes.
 
 use crate::Result;
 use crate::io::invalid;
 use crate::ply::{LobeKind, PlyData};
 use crate::spec::YarnSpec;
 
-/// A quantity that varies in a family.
+/// A parameter that varies in a family.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum FamilyParam {
     /// Pitch of the fibers' helix [um].
     FiberPitch,
-    /// Roughness of the fibers.
+    /// Microfacet roughness of the fibers.
     Alpha,
-    /// Index of the fibers.
+    /// Refractive index of the fibers.
     Eta,
 }
 
@@ -20,7 +20,7 @@ impl FamilyParam {
     /// All parameters, in the order of a family's axes.
     pub const ALL: [FamilyParam; 3] = [FamilyParam::FiberPitch, FamilyParam::Alpha, FamilyParam::Eta];
 
-    /// Its key in specs, and the name of its axis in files.
+    /// The parameter's key in specs, which is also the name of its axis in files.
     pub fn name(self) -> &'static str {
         match self {
             FamilyParam::FiberPitch => "fiber_pitch_um",
@@ -29,7 +29,7 @@ impl FamilyParam {
         }
     }
 
-    /// The parameter with this key.
+    /// The parameter with this key; `None` if there is none.
     pub fn of_name(name: &str) -> Option<FamilyParam> {
         FamilyParam::ALL.into_iter().find(|p| p.name() == name)
     }
@@ -40,14 +40,14 @@ impl FamilyParam {
 pub struct FamilyParams {
     /// Pitch of the fibers' helix [um].
     pub fiber_pitch_um: f64,
-    /// Roughness of the fibers.
+    /// Microfacet roughness of the fibers.
     pub alpha_fiber: f64,
-    /// Index of the fibers.
+    /// Refractive index of the fibers.
     pub eta: f64,
 }
 
 impl FamilyParams {
-    /// The parameters of a spec; the pitch of one without twist is 0.
+    /// The parameters of a spec. Without twist the pitch is 0.
     pub fn from_spec(spec: &YarnSpec) -> FamilyParams {
         FamilyParams {
             fiber_pitch_um: spec.ply.fiber_pitch_um.unwrap_or(0.0),
@@ -65,7 +65,7 @@ impl FamilyParams {
         }
     }
 
-    /// Changes one parameter.
+    /// Sets one parameter.
     pub fn set(&mut self, param: FamilyParam, value: f64) {
         match param {
             FamilyParam::FiberPitch => self.fiber_pitch_um = value,
@@ -74,7 +74,7 @@ impl FamilyParams {
         }
     }
 
-    /// The spec with these parameters, without ranges.
+    /// The spec with these parameters and without the family's ranges.
     pub fn applied_to(&self, spec: &YarnSpec) -> YarnSpec {
         let mut spec = spec.clone();
         if spec.ply.fiber_pitch_um.is_some() {
@@ -92,39 +92,39 @@ impl FamilyParams {
 pub struct FamilyAxis {
     /// The parameter that varies.
     pub param: FamilyParam,
-    /// Its nodes, ascending; at least 2.
+    /// The nodes, ascending; at least 2.
     pub values: Vec<f64>,
 }
 
-/// The tensors of a family file, as the fitter makes them.
+/// The tensors of a family file, as the fit computes them.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FamilyData {
-    /// Text of the yarn spec with its `[family]`, as given.
+    /// Text of the yarn spec with its `[family]`, verbatim.
     pub spec_text: String,
-    /// Program version that made it.
+    /// Version of the program that made the family.
     pub program_version: String,
-    /// Preset name, for the record.
+    /// Name of the preset, for information.
     pub preset: String,
     /// Seed of the simulations, the same at all nodes.
     pub seed: u64,
     /// 1 to 3 axes, in the order of [`FamilyParam::ALL`].
     pub axes: Vec<FamilyAxis>,
-    /// Models at the nodes, the last axis fastest. All have the same axes, path lengths and edge lobes; those
-    /// of one pitch have the same r_d; none has speckle.
+    /// Models at the nodes, the last axis fastest. All have the same axes, path lengths and edge lobes.
+    /// Models of the same pitch have the same r_d, and none has speckle.
     pub nodes: Vec<PlyData>,
 }
 
-/// Largest number of nodes of an axis and of a family.
+/// Maximum number of nodes of an axis, and of a family.
 const MAX_VALUES: usize = 64;
 const MAX_NODES: usize = 1024;
 
 impl FamilyData {
-    /// The nodes of an axis, if the family has it.
+    /// The nodes of an axis; `None` if the parameter is not an axis.
     pub fn values(&self, param: FamilyParam) -> Option<&[f64]> {
         self.axes.iter().find(|axis| axis.param == param).map(|axis| axis.values.as_slice())
     }
 
-    /// Number of nodes along pitch (1 if it is not an axis), and number of nodes at each.
+    /// Number of nodes along pitch, which is 1 if pitch is not an axis, and number of nodes at each pitch.
     pub(super) fn pitches(&self) -> (usize, usize) {
         let count = self.values(FamilyParam::FiberPitch).map_or(1, <[f64]>::len);
         (count, self.nodes.len() / count.max(1))
@@ -133,15 +133,15 @@ impl FamilyData {
     /// Parameters of a node, in a family of `spec`.
     pub fn params_of(&self, node: usize, spec: &YarnSpec) -> FamilyParams {
         let mut params = FamilyParams::from_spec(spec);
-        let mut left = node;
+        let mut rest = node;
         for axis in self.axes.iter().rev() {
-            params.set(axis.param, axis.values[left % axis.values.len()]);
-            left /= axis.values.len();
+            params.set(axis.param, axis.values[rest % axis.values.len()]);
+            rest /= axis.values.len();
         }
         params
     }
 
-    /// Checks the axes; returns the number of nodes.
+    /// Checks the axes, and returns the number of nodes.
     pub(super) fn check_axes(name: &str, axes: &[FamilyAxis]) -> Result<usize> {
         if axes.is_empty() {
             let hint = "expected one or more of fiber_pitch_um, alpha_fiber, eta";
@@ -211,7 +211,7 @@ impl FamilyData {
     }
 }
 
-/// Adds the node to the key of an error in its tensors.
+/// Adds the node to the key of an error about its tensors.
 pub(super) fn at_node(error: crate::Error, node: usize) -> crate::Error {
     match error {
         crate::Error::Invalid { file, key, value, hint } => {

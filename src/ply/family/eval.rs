@@ -1,8 +1,8 @@
-//! A family's ply at one incidence: the numbers for this incidence, interpolated over the family, and the
-//! mixture that they define.
+//! A family's ply at one incidence. The numbers of this incidence are interpolated over the family, and they
+//! define a mixture of lobes.
 //!
-//! The arithmetic is that of the model's reference implementation, in f64, written once for numbers with and
-//! without derivatives.
+//! The arithmetic is that of the model's reference implementation, in f64. It is written once, for numbers
+//! with and without derivatives ([`Real`]).
 
 use super::PlyFamily;
 use super::data::{FamilyParam, FamilyParams};
@@ -17,7 +17,7 @@ use crate::ply::edge::{self, EdgeTables};
 use crate::ply::{MAX_LOBES, MAX_PATHS, PlyData, PlyEnergies, PlyQuery};
 use std::f64::consts::{FRAC_1_PI, TAU};
 
-/// The numbers of a model at one incidence.
+/// The numbers of a model at one incidence: lobe parameters, spectra and energies.
 struct Parts<T> {
     refl: [[T; PARAMS]; MAX_LOBES],
     high: [[T; PARAMS]; MAX_LOBES],
@@ -92,14 +92,14 @@ fn parts<T: Real>(nodes: &[PlyData], place: &NodeWeights<T>, theta_i: f64, h_um:
     out
 }
 
-/// One lobe, prepared for directions.
+/// One lobe, prepared for evaluation in many directions.
 #[derive(Clone, Copy, Debug)]
 struct PreparedLobe<T, const N: usize> {
     frame: [[T; 3]; 3],
     mu: [T; 2],
-    /// Amplitude over the energy.
+    /// Amplitude divided by the energy.
     amplitude: T,
-    /// Energy by absorption.
+    /// Energy, one for each absorption.
     energy: [T; N],
 }
 
@@ -114,7 +114,7 @@ struct Mixture<T, const N: usize> {
 }
 
 impl<T: Real, const N: usize> Mixture<T, N> {
-    /// No light: the beam misses.
+    /// The mixture of a beam that misses: no lobes, and r_d = 1.
     fn miss() -> Self {
         let zero = T::from_f64(0.0);
         let lobe = PreparedLobe { frame: [[zero; 3]; 3], mu: [zero; 2], amplitude: zero, energy: [zero; N] };
@@ -132,8 +132,8 @@ impl<T: Real, const N: usize> Mixture<T, N> {
         let h = if out.flip { -h_um } else { h_um };
         let p = parts(nodes, &family.axes.place(params), theta_i.abs(), h);
         let one = T::from_f64(1.0);
-        let met = one - p.r_d;
-        let refl = met * p.share_refl;
+        let hit = one - p.r_d;
+        let refl = hit * p.share_refl;
         let attenuated = |spectrum: &[T; MAX_PATHS], s: T| {
             let mut sum = T::from_f64(0.0);
             for (j, l) in d.path_um.iter().enumerate() {
@@ -145,22 +145,23 @@ impl<T: Real, const N: usize> Mixture<T, N> {
         out.count = d.lobes_refl + d.lobes_high;
         for l in 0..out.count {
             let of = if l < d.lobes_refl { &p.refl[l] } else { &p.high[l - d.lobes_refl] };
-            out.lobes[l] = ready(of);
+            out.lobes[l] = prepared(of);
             let energy = of[5].within(MIN_ENERGY, f64::MAX);
             if l < d.lobes_refl {
                 out.lobes[l].energy = [energy; N];
                 sum_refl = sum_refl + energy;
             } else {
                 for k in 0..N {
-                    let left = attenuated(&p.path[l - d.lobes_refl], sigma[k]) + T::from_f64(MIN_TRANSMITTANCE);
-                    out.lobes[l].energy[k] = energy * left;
-                    sum_high[k] = sum_high[k] + energy * left;
+                    let transmittance =
+                        attenuated(&p.path[l - d.lobes_refl], sigma[k]) + T::from_f64(MIN_TRANSMITTANCE);
+                    out.lobes[l].energy[k] = energy * transmittance;
+                    sum_high[k] = sum_high[k] + energy * transmittance;
                 }
             }
         }
         let mut gain_high = [T::from_f64(0.0); N];
         for k in 0..N {
-            let high = met * attenuated(&p.share_high, sigma[k]);
+            let high = hit * attenuated(&p.share_high, sigma[k]);
             out.albedo[k] = refl + high;
             gain_high[k] = high / sum_high[k];
         }
@@ -190,8 +191,8 @@ impl<T: Real, const N: usize> Mixture<T, N> {
         f
     }
 
-    /// A direction in the frame of the lobes, or one of theirs in the ply's. A vector that is not of unit
-    /// length gives no light.
+    /// Transforms a direction between the frame of the lobes and that of the ply; the transform is its own
+    /// inverse. A vector whose length is far from 1 becomes 0, which gives no light.
     fn turned(&self, w: [f32; 3]) -> [f64; 3] {
         let v = w.map(f64::from);
         let square = v.iter().map(|v| v * v).sum::<f64>();
@@ -208,8 +209,8 @@ impl<T: Real, const N: usize> PreparedLobe<T, N> {
     }
 }
 
-/// Axes and amplitude of a lobe (as [`crate::ply::asg::Lobe::frame`]).
-fn ready<T: Real, const N: usize>(p: &[T; PARAMS]) -> PreparedLobe<T, N> {
+/// Axes and amplitude of a lobe, as in [`crate::ply::asg::Lobe::frame`].
+fn prepared<T: Real, const N: usize>(p: &[T; PARAMS]) -> PreparedLobe<T, N> {
     let ((st, ct), (sp, cp), (sx, cx)) = (p[0].sin_cos(), p[1].sin_cos(), p[2].sin_cos());
     let (x, y) = ([-sp, cp, T::from_f64(0.0)], [-st * cp, -st * sp, ct]);
     let mix = |a: T, b: T| std::array::from_fn(|i| a * x[i] + b * y[i]);
@@ -236,7 +237,7 @@ pub struct FamilyPly<'a, const N: usize> {
     lambda_um: [f32; N],
 }
 
-/// f_refl + f_high in a direction and its slopes.
+/// f_refl + f_high in a direction, and its derivatives.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FamilyGradient<const N: usize> {
     /// The value [1/sr].
@@ -274,9 +275,9 @@ pub(super) fn gradient<const N: usize>(
     wo: [f32; 3],
 ) -> FamilyGradient<N> {
     let p = std::array::from_fn(|i| {
-        let given = params.get(FamilyParam::ALL[i]);
-        let value = family.axes.within(i, given);
-        if value == given { Dual::variable(value, i) } else { Dual::from_f64(value) }
+        let requested = params.get(FamilyParam::ALL[i]);
+        let value = family.axes.within(i, requested);
+        if value == requested { Dual::variable(value, i) } else { Dual::from_f64(value) }
     });
     let sigma = query.sigma_per_um.map(|s| Dual::variable(clean(s), 3));
     let f = Mixture::new(family, p, f64::from(query.theta_i), f64::from(query.h_um), sigma).eval(wo);
@@ -293,12 +294,12 @@ impl<const N: usize> FamilyPly<'_, N> {
         self.mixture.r_d as f32
     }
 
-    /// Mean energy of a lobe.
+    /// Mean energy of a lobe over the absorptions.
     fn mean(&self, lobe: usize) -> f64 {
         self.mixture.lobes[lobe].energy.iter().sum::<f64>() / N.max(1) as f64
     }
 
-    /// Energies of all lobes and of missed light.
+    /// Energies of all lobes and of the missed light.
     fn total(&self) -> f64 {
         (0..self.mixture.count).map(|l| self.mean(l)).sum::<f64>() + self.mixture.r_d
     }
@@ -345,20 +346,20 @@ impl<const N: usize> Bsdf<N> for FamilyPly<'_, N> {
             return BsdfSample::Absorbed;
         }
         let u = u.map(|u| f64::from(if u >= 0.0 { u.min(1.0 - f32::EPSILON) } else { 0.0 }));
-        let mut left = u[0] * total;
+        let mut remaining = u[0] * total;
         for l in 0..self.mixture.count {
             let mean = self.mean(l);
-            if left < mean {
+            if remaining < mean {
                 let w = self.drawn(l, u[1], u[2]);
                 let (f, pdf) = self.eval_pdf(w);
                 return BsdfSample::scattered(w, f, pdf);
             }
-            left -= mean;
+            remaining -= mean;
         }
         let Some(tables) = self.edge else {
             return BsdfSample::straight(self.straight(), self.outcomes().straight);
         };
-        let again = (left / self.mixture.r_d.max(f64::MIN_POSITIVE)).clamp(0.0, 1.0 - 1e-7) as f32;
+        let again = (remaining / self.mixture.r_d.max(f64::MIN_POSITIVE)).clamp(0.0, 1.0 - 1e-7) as f32;
         match edge::sample(tables, self.theta_i, self.h_um, &self.lambda_um, [again, u[1] as f32, u[2] as f32]) {
             Some(w) => {
                 let (f, pdf) = self.eval_pdf(w);
@@ -389,7 +390,7 @@ impl<const N: usize> Bsdf<N> for FamilyPly<'_, N> {
 }
 
 impl<const N: usize> FamilyPly<'_, N> {
-    /// A direction sampled from a lobe, as the runtime's kernels sample it.
+    /// Samples a direction of a lobe, as the runtime's kernels do.
     fn drawn(&self, l: usize, u1: f64, u2: f64) -> [f32; 3] {
         let PreparedLobe { frame, mu: [mu1, mu2], .. } = self.mixture.lobes[l];
         let (s, c) = (TAU * u1).sin_cos();

@@ -1,16 +1,15 @@
-//! Family files: writing, reading, checking (`docs/reference/format/models.md`).
+//! Family files: writing, reading and checking (`docs/reference/format/models.md`).
 
 use super::data::{FamilyAxis, FamilyData, FamilyParam};
 use crate::Result;
-use crate::io::{Axis, Document, FileKind, Provenance, Reader, Summary, Writer, document, invalid};
+use crate::io::{Axis, Document, FileKind, Provenance, Reader, Summary, Writer, invalid};
 use crate::ply::asg::PARAMS;
 use crate::ply::data::edge_lobes::{self, EdgeLobes};
 use crate::ply::{
     EXIT_KINDS, EXIT_TERMS, ExitOffsets, LayerFactors, LobeKind, PlyData, PlyEnergies, USUAL_EXIT_LENGTHS,
 };
-use std::path::Path;
 
-/// Tensors of every family, without its axes.
+/// Names of the tensors of every family, without its axes.
 const NAMES: [&str; 16] = [
     "theta_i",
     "h_um",
@@ -29,43 +28,17 @@ const NAMES: [&str; 16] = [
     "error_refl",
     "error_high",
 ];
-/// The optional tensors among them.
+/// Names of the optional tensors.
 const LAYERS: [&str; 2] = ["layer_forward", "layer_diffuse"];
 const EXITS: [&str; 2] = ["exit_offset", "exit_length"];
 
-/// No keys besides the common ones.
+/// A family file has no keys besides the common ones.
 #[derive(serde::Serialize, serde::Deserialize)]
-pub(crate) struct Keys {}
-
-impl FamilyData {
-    /// Writes the family to a temporary name in the folder of `path`, then renames it.
-    ///
-    /// # Errors
-    /// [`crate::Error::Invalid`] if the family would not load again, [`crate::Error::Io`].
-    pub fn save(&self, path: impl AsRef<Path>) -> Result<()> {
-        document::save(self, path.as_ref())
-    }
-
-    /// The bytes of the file.
-    ///
-    /// # Errors
-    /// [`crate::Error::Invalid`] if the family would not load again.
-    pub fn to_bytes(&self) -> Result<Vec<u8>> {
-        document::to_bytes(self, "family")
-    }
-
-    /// Reads a family from the bytes of its file; `name` identifies the file in errors.
-    ///
-    /// # Errors
-    /// As [`crate::ply::PlyData::from_bytes`].
-    pub fn from_bytes(bytes: &[u8], name: &str) -> Result<FamilyData> {
-        Ok(document::from_bytes(bytes, name)?.0)
-    }
-}
+pub struct FamilyKeys {}
 
 impl Document for FamilyData {
     const KIND: FileKind = FileKind::Family;
-    type Keys = Keys;
+    type Keys = FamilyKeys;
 
     fn names() -> Vec<&'static str> {
         let axes = FamilyParam::ALL.map(FamilyParam::name);
@@ -81,8 +54,8 @@ impl Document for FamilyData {
         }
     }
 
-    fn keys(&self, _: &str) -> Result<Keys> {
-        Ok(Keys {})
+    fn keys(&self, _: &str) -> Result<FamilyKeys> {
+        Ok(FamilyKeys {})
     }
 
     fn summary(&self) -> (Vec<Axis>, serde_json::Value) {
@@ -148,7 +121,7 @@ impl Document for FamilyData {
         }
     }
 
-    fn read(r: &Reader<'_>, provenance: Provenance, _: &Keys) -> Result<FamilyData> {
+    fn read(r: &Reader<'_>, provenance: Provenance, _: &FamilyKeys) -> Result<FamilyData> {
         let mut axes = Vec::new();
         for param in FamilyParam::ALL {
             if r.has(param.name()) {
@@ -163,8 +136,8 @@ impl Document for FamilyData {
         let (lr, lh) = (r.shape("refl", 5)?[3], r.shape("high", 7)?[5]);
         let (a, b) = (size("miss_theta_i")?, size("miss_h_um")?);
         let (p, q) = (size("share_theta_i")?, size("share_h_um")?);
-        // Shapes come from tensors in the file, which contains their products; an empty one would leave a
-        // node without numbers.
+        // Sizes are read from tensors in the file, which also holds tensors of their products. A size of 0
+        // would leave a node without numbers.
         let sizes = [("theta_i", m), ("h_um", h), ("sigma_per_um", k), ("path_um", j), ("refl", lr), ("high", lh)];
         if let Some((name, _)) = sizes.into_iter().find(|(_, size)| *size == 0) {
             return Err(invalid(r.file(), name, "0 values", "expected some"));

@@ -1,4 +1,5 @@
-//! Interpolation of parameters in a family: the nodes around them, their weights, and the nodes of r_d.
+//! Interpolation of parameters in a family: the nodes around them, their weights, and the nodes that r_d is
+//! read from.
 
 use super::data::{FamilyAxis, FamilyData, FamilyParam, FamilyParams};
 use super::num::Real;
@@ -8,15 +9,15 @@ use crate::ply::data::energies::coefficient;
 use crate::spec::YarnSpec;
 use std::f64::consts::TAU;
 
-/// Largest number of corners of a cell.
+/// Maximum number of corners of a cell.
 pub(super) const CORNERS: usize = 8;
 
-/// The axes in the coordinates in which models are linear, and the spec's values of parameters that are not
-/// axes.
+/// The axes in the coordinates in which models are linear, and the spec's values of the parameters that are
+/// not axes.
 #[derive(Clone, Debug)]
 pub(super) struct Axes {
-    /// By [`FamilyParam::ALL`]: nodes and their coordinates, both ascending in the parameter; empty for a
-    /// parameter that is not an axis.
+    /// In the order of [`FamilyParam::ALL`]: nodes and their coordinates, both in ascending order of the
+    /// parameter; empty for a parameter that is not an axis.
     values: [Vec<f64>; 3],
     coordinates: [Vec<f64>; 3],
     usual: [f64; 3],
@@ -30,7 +31,8 @@ pub(super) struct NodeWeights<T> {
     pub(super) pitch: Pitch<T>,
 }
 
-/// The nodes of r_d: the indices of their models, their weights, and their pitches over the requested pitch.
+/// The nodes of r_d: the indices of their models, their weights, and their pitches divided by the requested
+/// pitch.
 #[derive(Clone, Copy)]
 pub(super) struct Pitch<T> {
     pub(super) nodes: [(usize, T, T); 2],
@@ -48,7 +50,7 @@ impl Axes {
         Axes { values, coordinates, usual, radius_um }
     }
 
-    /// A parameter clamped to its range; the spec's value if it is not an axis or NaN.
+    /// A parameter clamped to its range; the spec's value if it is not an axis or is NaN.
     pub(super) fn within(&self, i: usize, value: f64) -> f64 {
         match (self.values[i].first(), self.values[i].last()) {
             (Some(first), Some(last)) => {
@@ -59,17 +61,17 @@ impl Axes {
         }
     }
 
-    /// The range of a parameter, if it is an axis.
+    /// The range of a parameter; `None` if it is not an axis.
     pub(super) fn range(&self, i: usize) -> Option<[f64; 2]> {
         Some([*self.values[i].first()?, *self.values[i].last()?])
     }
 
-    /// The required value of a parameter that is not an axis.
+    /// The spec's value of a parameter, which is required if it is not an axis.
     pub(super) fn usual(&self, i: usize) -> f64 {
         self.usual[i]
     }
 
-    /// Node weights of parameters within their ranges.
+    /// Weights of the nodes around parameters within their ranges.
     pub(super) fn place<T: Real>(&self, params: [T; 3]) -> NodeWeights<T> {
         let mut corners = [(0, T::from_f64(0.0)); CORNERS];
         corners[0].1 = T::from_f64(1.0);
@@ -96,15 +98,15 @@ impl Axes {
             }
             count *= 2;
         }
-        // Parameters that are not an axis have the stride 1 and change nothing. Pitch is the slowest axis:
-        // the product of all others separates its nodes.
+        // A parameter that is not an axis has the stride 1. Pitch is the slowest axis, so the product of all
+        // others separates its nodes.
         let stride: usize = self.values[1..].iter().map(|v| v.len().max(1)).product();
         pitch.nodes.iter_mut().for_each(|n| n.0 *= stride);
         NodeWeights { corners, count, pitch }
     }
 }
 
-/// The coordinate in which models are interpolated.
+/// The coordinate in which models are interpolated, generic over the number type.
 fn coordinate_of<T: Real>(param: FamilyParam, value: T, radius_um: f64) -> T {
     match param {
         FamilyParam::FiberPitch => (T::from_f64(TAU * radius_um) / value).atan(),
@@ -133,7 +135,7 @@ impl FamilyParam {
 }
 
 impl FamilyAxis {
-    /// The nodes around a value within the axis: the index of the lower one, and the weight of the upper.
+    /// The nodes around a value within the axis: the index of the lower one, and the weight of the upper one.
     pub fn locate(&self, value: f64, radius_um: f64) -> (usize, f64) {
         let low = self.values.iter().rposition(|v| *v <= value).unwrap_or(0).min(self.values.len() - 2);
         let at = |v: f64| coordinate(self.param, v, radius_um);
@@ -142,13 +144,13 @@ impl FamilyAxis {
     }
 }
 
-/// Coefficient (m, n) of r_d at a pitch, from the energies `of(node)`: rows are read where
-/// `tan(theta) / pitch` is the same, by a Catmull-Rom cubic over the rows, and clamped to 0 to 1. (m, n) may
-/// be one before the first or after the last.
+/// Coefficient (m, n) of r_d at a pitch, from the energies `of(node)`. Rows are read where
+/// `tan(theta) / pitch` is the same, by a Catmull-Rom cubic over the rows, and the result is clamped to [0,
+/// 1]. m and n may be one before the first or one after the last.
 pub(super) fn missed<'a, T: Real>(pitch: &Pitch<T>, of: &dyn Fn(usize) -> &'a PlyEnergies, m: isize, n: isize) -> T {
     let first = of(pitch.nodes[0].0);
     let sizes = [first.miss_theta_i.len(), first.miss_h_um.len()];
-    // Beyond the ends the coefficients are extrapolated, as for any spline.
+    // Beyond the ends the coefficients are extrapolated, as for any spline here.
     if m < 0 {
         return missed(pitch, of, -m, sizes[1] as isize - 1 - n);
     }
@@ -161,32 +163,32 @@ pub(super) fn missed<'a, T: Real>(pitch: &Pitch<T>, of: &dyn Fn(usize) -> &'a Pl
     let row_of =
         |share: T| (T::from_f64(theta.tan()) * share).atan() * T::from_f64(last / first.miss_theta_i[sizes[0] - 1]);
     let mut sum = T::from_f64(0.0);
-    // A node of a longer pitch may be read beyond its last latitude, a node of a shorter pitch never: there
-    // the latter replaces both. Nodes ascend in pitch.
+    // A node of a longer pitch may be read beyond its last latitude, a node of a shorter pitch never. Beyond
+    // that latitude the shorter one replaces both. Nodes are in ascending order of pitch.
     let mut before = T::from_f64(0.0);
     for (i, &(node, weight, share)) in pitch.nodes[..pitch.count].iter().enumerate().rev() {
         let c = &of(node).miss;
         let at = |m: isize| coefficient(sizes, m, n, &|m, n| c[m * sizes[1] + n]);
         let row = row_of(share);
-        let held = if i == 0 {
+        let in_range = if i == 0 {
             T::from_f64(1.0)
         } else {
             (T::from_f64(1.0) - (row - T::from_f64(last)) / T::from_f64(HAND_OVER * last)).within(0.0, 1.0)
         };
         let weight = weight + before;
-        before = weight * (T::from_f64(1.0) - held);
+        before = weight * (T::from_f64(1.0) - in_range);
         let row = row.within(0.0, last);
         let low = (row.value() as usize).min(sizes[0] - 2);
         let f = row.value() - low as f64;
         let rows: [f64; 4] = std::array::from_fn(|i| at(low as isize + i as isize - 1));
         let value: f64 = catmull_rom(f).iter().zip(rows).map(|(w, r)| w * r).sum();
         let slope: f64 = catmull_rom_slope(f).iter().zip(rows).map(|(w, r)| w * r).sum();
-        sum = sum + weight * held * row.chain(value, slope);
+        sum = sum + weight * in_range * row.chain(value, slope);
     }
     sum.within(0.0, 1.0)
 }
 
-/// Fraction of the latitudes, beyond the last, over which a node's weight passes to the other.
+/// Fraction of the latitudes, beyond the last, over which the weight of one node passes to the other.
 const HAND_OVER: f64 = 0.02;
 
 /// Catmull-Rom weights of nodes i-1..=i+2 at fraction `f` of cell `i`.
@@ -206,7 +208,8 @@ fn catmull_rom_slope(f: f64) -> [f64; 4] {
     ]
 }
 
-/// Nodes and weights of the Catmull-Rom cubic at `x` on an axis; a node beyond the rim is `2 rim - next`.
+/// Nodes and weights of the Catmull-Rom cubic at `x` on an axis. A node beyond the end is extrapolated
+/// linearly.
 pub(super) fn cubic_taps(nodes: &[f64], x: f64) -> [(usize, f64); 4] {
     let (k, f) = axis::locate(x, nodes);
     let mut w = catmull_rom(f);

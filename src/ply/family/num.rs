@@ -1,22 +1,22 @@
-//! Numbers with derivatives: forward-mode differentiation by the three parameters and one absorption.
+//! Numbers with derivatives: forward-mode differentiation by three parameters and one absorption.
 
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
-/// Derivatives of a [`Dual`]: by pitch, roughness, index and one absorption.
+/// Number of derivatives of a [`Dual`]: by pitch, roughness, index and one absorption.
 pub(super) const SLOTS: usize = 4;
 
 /// The evaluator's number type: f64, or [`Dual`].
 pub(super) trait Real:
     Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self> + Div<Output = Self> + Neg<Output = Self>
 {
-    /// Whether it has derivatives: then a weight of 0 still matters.
+    /// Whether the number has derivatives. If so, a weight of 0 still contributes.
     const DERIVED: bool;
 
-    /// A constant.
+    /// A constant, whose derivatives are 0.
     fn from_f64(x: f64) -> Self;
-    /// The number.
+    /// The value, without derivatives.
     fn value(self) -> f64;
-    /// A function of the number, by its value and slope there.
+    /// A function of the number, from its value and slope there (the chain rule).
     fn chain(self, value: f64, slope: f64) -> Self;
 
     fn exp(self) -> Self {
@@ -68,7 +68,7 @@ pub(super) struct Dual {
 }
 
 impl Dual {
-    /// A variable: 1 in its own slot.
+    /// A variable: its derivative is 1 in its own slot and 0 in the others.
     pub(super) fn variable(v: f64, slot: usize) -> Dual {
         Dual { v, d: std::array::from_fn(|i| f64::from(u8::from(i == slot))) }
     }

@@ -1,27 +1,27 @@
-//! Absorption: what any number of absorptions leave of light by path length, in blocks of four, and the
-//! factors that scale the lobes of f_high to the simulated energy (see the head of `mixture.rs`).
+//! Absorption: path-length spectra are attenuated by any number of absorptions, in blocks of four, and the
+//! lobes of f_high are scaled to the simulated energy (see the head of `mixture.rs`).
 //!
-//! With T_jk the transmittance of path length j at absorption k, S the spectrum of the simulated energy and A
-//! that of all lobes together, the lobes are scaled by `sum_j T_jk S_j / sum_j T_jk A_j`.
+//! Let T_jk be the transmittance of path length j at absorption k, S the spectrum of the simulated energy and
+//! A that of all lobes together. The lobes are then scaled by `sum_j T_jk S_j / sum_j T_jk A_j`.
 
 use crate::math::simd::{exp2, fma, halves, max, min};
 use crate::ply::data::MIN_TRANSMITTANCE;
 use multiversion::{multiversion, target::target_cfg_f};
 
-/// Clamps an absorption to 0 to 1e6 per um; NaN counts as 0.
+/// Clamps an absorption to [0, 1e6] per um; NaN becomes 0.
 #[inline(always)]
 pub(crate) fn clamped_sigma(sigma: f32) -> f32 {
     min(max(sigma, 0.0), 1e6)
 }
 
-/// Absorptions side by side.
+/// Absorptions that are processed side by side.
 const BLOCK: usize = 4;
 
-/// Transmittances by path length of a block of absorptions.
+/// Transmittances of the path lengths at a block of absorptions, `[path length][absorption]`.
 pub(in crate::ply) type Transmittances<const J: usize> = [[f32; BLOCK]; J];
 
-/// Transmittances of the path lengths for the first block of absorptions, from which a kernel starts: the
-/// exponentials wait for nothing.
+/// Transmittances of the path lengths for the first block of absorptions. A kernel begins with them because
+/// the exponentials depend on no other result.
 #[multiversion(targets("x86_64+avx2+bmi1+bmi2+fma"))]
 pub(in crate::ply) fn first_transmittances<const J: usize>(path: &[f32; J], sigma: &[f32]) -> Transmittances<J> {
     const FMA: bool = target_cfg_f!(target_feature = "fma") || cfg!(target_arch = "aarch64");
@@ -42,7 +42,7 @@ fn transmittances<const FMA: bool, const J: usize>(path: &[f32; J], sigma: &[f32
     t
 }
 
-/// The first block of absorptions, clamped; 0 for absent ones.
+/// The first block of absorptions, clamped. Absent ones are 0.
 #[inline(always)]
 fn some(sigma: &[f32]) -> [f32; BLOCK] {
     let mut some = match *sigma {
@@ -58,8 +58,8 @@ fn some(sigma: &[f32]) -> [f32; BLOCK] {
     some
 }
 
-/// Writes the first of a block of numbers. By patterns: the compiler makes a call of a copy of unknown
-/// length.
+/// Writes as many numbers of a block as `to` holds. It matches patterns because the compiler would call
+/// memcpy for a copy of unknown length.
 #[inline(always)]
 fn put(to: &mut [f32], [i, j, k, l]: &[f32; BLOCK]) {
     match to {
@@ -71,7 +71,7 @@ fn put(to: &mut [f32], [i, j, k, l]: &[f32; BLOCK]) {
     }
 }
 
-/// The sum of the first of a block of numbers.
+/// The sum of the first `count` numbers of a block.
 #[inline(always)]
 fn sum(count: usize, numbers: &[f32; BLOCK]) -> f32 {
     let mut sum = 0.0;
@@ -81,7 +81,7 @@ fn sum(count: usize, numbers: &[f32; BLOCK]) -> f32 {
     sum
 }
 
-/// Sums over path lengths of a spectrum times its transmittances.
+/// Sums over path lengths of a spectrum times its transmittances, one for each absorption.
 #[inline(always)]
 fn absorb<const FMA: bool, const J: usize>(spectrum: &[f32; J], t: &[[f32; BLOCK]; J]) -> [f32; BLOCK] {
     // Two sums halve the chain of dependent additions.
@@ -98,21 +98,26 @@ fn absorb<const FMA: bool, const J: usize>(spectrum: &[f32; J], t: &[[f32; BLOCK
     even
 }
 
-/// Sum over H lobes of what absorptions leave of them, `[lobe][absorption]`, per absorption in `high`.
+/// Attenuates H lobes: `high[k] = sum_l value[l] transmittance[l][k]`, with `transmittance[lobe][absorption]`
+/// flat.
 #[inline(always)]
-pub(in crate::ply) fn leave<const FMA: bool, const H: usize>(value: &[f32; H], left: &[f32], high: &mut [f32]) {
-    // Numbers of absorptions that hosts have, in lanes.
+pub(in crate::ply) fn attenuate<const FMA: bool, const H: usize>(
+    value: &[f32; H],
+    transmittance: &[f32],
+    high: &mut [f32],
+) {
+    // The numbers of absorptions that hosts use, as constants for vectorization.
     match high.len() {
-        1 => leave_some::<FMA, H, 1>(value, left, high),
-        3 => leave_some::<FMA, H, 3>(value, left, high),
-        4 => leave_some::<FMA, H, 4>(value, left, high),
-        8 => leave_some::<FMA, H, 8>(value, left, high),
+        1 => attenuate_some::<FMA, H, 1>(value, transmittance, high),
+        3 => attenuate_some::<FMA, H, 3>(value, transmittance, high),
+        4 => attenuate_some::<FMA, H, 4>(value, transmittance, high),
+        8 => attenuate_some::<FMA, H, 8>(value, transmittance, high),
         count => {
             for (k, high) in high.iter_mut().enumerate() {
                 let mut sum = 0.0;
                 for (l, value) in value.iter().enumerate() {
-                    if let Some(left) = left.get(l * count + k) {
-                        sum = fma::<FMA>(*value, *left, sum);
+                    if let Some(transmittance) = transmittance.get(l * count + k) {
+                        sum = fma::<FMA>(*value, *transmittance, sum);
                     }
                 }
                 *high = sum;
@@ -122,15 +127,21 @@ pub(in crate::ply) fn leave<const FMA: bool, const H: usize>(value: &[f32; H], l
 }
 
 #[inline(always)]
-fn leave_some<const FMA: bool, const H: usize, const C: usize>(value: &[f32; H], left: &[f32], high: &mut [f32]) {
-    let (Some(left), Some(high)) = (left.as_chunks::<C>().0.first_chunk::<H>(), high.first_chunk_mut::<C>()) else {
+fn attenuate_some<const FMA: bool, const H: usize, const C: usize>(
+    value: &[f32; H],
+    transmittance: &[f32],
+    high: &mut [f32],
+) {
+    let (Some(transmittance), Some(high)) =
+        (transmittance.as_chunks::<C>().0.first_chunk::<H>(), high.first_chunk_mut::<C>())
+    else {
         return;
     };
     let (mut even, mut odd) = ([0.0; C], [0.0; C]);
     for l in 0..H / 2 {
         for k in 0..C {
-            even[k] = fma::<FMA>(value[2 * l], left[2 * l][k], even[k]);
-            odd[k] = fma::<FMA>(value[2 * l + 1], left[2 * l + 1][k], odd[k]);
+            even[k] = fma::<FMA>(value[2 * l], transmittance[2 * l][k], even[k]);
+            odd[k] = fma::<FMA>(value[2 * l + 1], transmittance[2 * l + 1][k], odd[k]);
         }
     }
     for k in 0..C {
@@ -138,7 +149,7 @@ fn leave_some<const FMA: bool, const H: usize, const C: usize>(value: &[f32; H],
     }
 }
 
-/// What scales the lobes of f_high to the simulated energy at any absorption.
+/// What is needed to scale the lobes of f_high to the simulated energy at any absorption.
 #[derive(Clone, Copy)]
 pub(in crate::ply) struct Spectra<'a, const J: usize> {
     /// -log2 e times the path lengths [um].
@@ -151,7 +162,7 @@ pub(in crate::ply) struct Spectra<'a, const J: usize> {
     pub(in crate::ply) first: Transmittances<J>,
 }
 
-/// Sums over absorptions.
+/// Sums over the absorptions.
 #[derive(Clone, Copy)]
 pub(in crate::ply) struct OverSigma {
     /// Energy of f_high.
@@ -160,23 +171,23 @@ pub(in crate::ply) struct OverSigma {
     pub(in crate::ply) density: f32,
 }
 
-/// A block of absorptions: what each leaves by path length, scaled to the simulated energy, and of the energy
-/// of f_high.
+/// One block of absorptions: transmittances of the path lengths, scaled to the simulated energy, and the
+/// energies of f_high.
 #[derive(Clone, Copy)]
-pub(in crate::ply) struct Block<const J: usize> {
-    left: [[f32; BLOCK]; J],
+pub(in crate::ply) struct PathBlock<const J: usize> {
+    transmittance: [[f32; BLOCK]; J],
     energy: [f32; BLOCK],
 }
 
-impl<const J: usize> Block<J> {
+impl<const J: usize> PathBlock<J> {
     #[inline(always)]
     pub(in crate::ply) fn none() -> Self {
-        Block { left: [[0.0; BLOCK]; J], energy: [0.0; BLOCK] }
+        PathBlock { transmittance: [[0.0; BLOCK]; J], energy: [0.0; BLOCK] }
     }
 }
 
 impl<const J: usize> Spectra<'_, J> {
-    /// Energies of f_high of a block of absorptions, and the factors on the lobes that give them.
+    /// Energies of f_high at a block of absorptions, and the factors that scale the lobes to them.
     #[inline(always)]
     fn scales<const FMA: bool>(&self, t: &Transmittances<J>) -> ([f32; BLOCK], [f32; BLOCK]) {
         let energy = absorb::<FMA, J>(&self.simulated, t);
@@ -188,8 +199,8 @@ impl<const J: usize> Spectra<'_, J> {
         (energy, scale)
     }
 
-    /// Light of f_high per sigma in `high`, from its sums over the lobes by path length; sums of energy and,
-    /// with `PDF`, density.
+    /// Writes f_high for each absorption to `high`, from `light`: its sums over the lobes by path length, and
+    /// those of the density. Returns the sums over absorptions of energy and, if `PDF`, of density.
     #[inline(always)]
     pub(in crate::ply) fn absorb<const PDF: bool>(
         &self,
@@ -221,11 +232,11 @@ impl<const J: usize> Spectra<'_, J> {
         over
     }
 
-    /// [`Spectra::absorb`] with the density, where the first block is known from [`Spectra::left`].
+    /// [`Spectra::absorb`] with the density, if [`Spectra::transmittance`] computed the first block before.
     #[inline(always)]
     pub(in crate::ply) fn absorb_known(
         &self,
-        block: &Block<J>,
+        block: &PathBlock<J>,
         light: [&[f32; J]; 2],
         sigma: &[f32],
         high: &mut [f32],
@@ -234,37 +245,37 @@ impl<const J: usize> Spectra<'_, J> {
         self.absorb_more::<true>(first, light, sigma, high)
     }
 
-    /// Sum over absorptions of what they leave by path length, scaled to the simulated energy, and of the
-    /// energy of f_high; and the first block of them.
+    /// Sums over the absorptions of the scaled transmittances of the path lengths and of the energy of
+    /// f_high. Writes the first block to `block`.
     #[inline(always)]
-    pub(in crate::ply) fn left(&self, sigma: &[f32], block: &mut Block<J>) -> ([f32; J], f32) {
-        let mut left = [0.0; J];
-        let mut energy = left_block::<J>((self, &self.first), sigma, block, &mut left);
+    pub(in crate::ply) fn transmittance(&self, sigma: &[f32], block: &mut PathBlock<J>) -> ([f32; J], f32) {
+        let mut transmittance = [0.0; J];
+        let mut energy = path_block::<J>((self, &self.first), sigma, block, &mut transmittance);
         let mut first = BLOCK;
         while first < sigma.len() {
-            let mut block = Block::none();
+            let mut block = PathBlock::none();
             let sigma = after(sigma, first);
             let t = first_transmittances(self.path, sigma);
-            energy += left_block::<J>((self, &t), sigma, &mut block, &mut left);
+            energy += path_block::<J>((self, &t), sigma, &mut block, &mut transmittance);
             first += BLOCK;
         }
-        (left, energy)
+        (transmittance, energy)
     }
 
-    /// What each absorption leaves of the lobes with these spectra, `[lobe][absorption]`, scaled to the
-    /// simulated energy, and of the energy of f_high. Returns sums over the first `count` absorptions by
-    /// lobe, and of the energy.
+    /// Writes the transmittances of the lobes with these spectra, scaled to the simulated energy, and the
+    /// energies of f_high, for each absorption. Returns the sums over the first `count` absorptions: by lobe,
+    /// and of the energy.
     #[inline(always)]
     pub(in crate::ply) fn of_lobes<const H: usize>(
         &self,
         spectra: &[[f32; J]; H],
         (sigma, count): (&[f32], usize),
-        left: Left<'_>,
+        result: LobeTransmittances<'_>,
     ) -> ([f32; H], f32) {
         let mut sums = [0.0; H];
-        if let (&[_], [energy]) = (sigma, &mut *left.energy) {
+        if let (&[_], [energy]) = (sigma, &mut *result.energy) {
             *energy = lobes_of_one::<H, J>(self, spectra, &mut sums);
-            for (to, sum) in left.left.iter_mut().zip(&sums) {
+            for (to, sum) in result.lobes.iter_mut().zip(&sums) {
                 *to = *sum;
             }
             return (sums, *energy);
@@ -272,7 +283,7 @@ impl<const J: usize> Spectra<'_, J> {
         let (mut first, mut energy) = (0, 0.0);
         while first < sigma.len() {
             let rows = (sigma.len(), first, count.saturating_sub(first));
-            let to = Left { energy: after_mut(left.energy, first), left: &mut *left.left };
+            let to = LobeTransmittances { energy: after_mut(result.energy, first), lobes: &mut *result.lobes };
             let of = after(sigma, first);
             let more = if first == 0 { self.first } else { first_transmittances(self.path, of) };
             energy += lobes_block::<H, J>((self, &more), spectra, (of.len(), rows), to, &mut sums);
@@ -282,7 +293,7 @@ impl<const J: usize> Spectra<'_, J> {
     }
 }
 
-/// The numbers from `first` on.
+/// The numbers from index `first` on.
 #[inline(always)]
 fn after(x: &[f32], first: usize) -> &[f32] {
     x.get(first..).unwrap_or(&[])
@@ -293,14 +304,15 @@ fn after_mut(x: &mut [f32], first: usize) -> &mut [f32] {
     x.get_mut(first..).unwrap_or(&mut [])
 }
 
-/// What each absorption leaves of each lobe, `[lobe][absorption]`, scaled to the simulated energy, and of the
-/// energy of f_high.
-pub(in crate::ply) struct Left<'a> {
+/// Results for each absorption: the transmittances of the lobes, `[lobe][absorption]` flat and scaled to the
+/// simulated energy, and the energies of f_high.
+pub(in crate::ply) struct LobeTransmittances<'a> {
     pub(in crate::ply) energy: &'a mut [f32],
-    pub(in crate::ply) left: &'a mut [f32],
+    pub(in crate::ply) lobes: &'a mut [f32],
 }
 
-// Functions of their own, called and not inlined: beside the lobes the compiler would vectorize neither.
+// The following are functions of their own, not inlined: inlined beside the lobes, the compiler would
+// vectorize neither.
 
 #[multiversion(targets("x86_64+avx2+bmi1+bmi2+fma"))]
 fn absorb_block<'a, const PDF: bool, const J: usize>(
@@ -327,18 +339,26 @@ fn absorb_block<'a, const PDF: bool, const J: usize>(
 }
 
 #[multiversion(targets("x86_64+avx2+bmi1+bmi2+fma"))]
-fn absorb_known<const J: usize>(block: &Block<J>, light: [&[f32; J]; 2], count: usize, high: &mut [f32]) -> OverSigma {
+fn absorb_known<const J: usize>(
+    block: &PathBlock<J>,
+    light: [&[f32; J]; 2],
+    count: usize,
+    high: &mut [f32],
+) -> OverSigma {
     const FMA: bool = target_cfg_f!(target_feature = "fma") || cfg!(target_arch = "aarch64");
-    put(high, &absorb::<FMA, J>(light[0], &block.left));
-    OverSigma { energy: sum(count, &block.energy), density: sum(count, &absorb::<FMA, J>(light[1], &block.left)) }
+    put(high, &absorb::<FMA, J>(light[0], &block.transmittance));
+    OverSigma {
+        energy: sum(count, &block.energy),
+        density: sum(count, &absorb::<FMA, J>(light[1], &block.transmittance)),
+    }
 }
 
 #[multiversion(targets("x86_64+avx2+bmi1+bmi2+fma"))]
-fn left_block<'a, const J: usize>(
+fn path_block<'a, const J: usize>(
     (of, t): (&Spectra<'a, J>, &Transmittances<J>),
     sigma: &[f32],
-    block: &mut Block<J>,
-    left: &mut [f32; J],
+    block: &mut PathBlock<J>,
+    transmittance: &mut [f32; J],
 ) -> f32 {
     const FMA: bool = target_cfg_f!(target_feature = "fma") || cfg!(target_arch = "aarch64");
     let mut t = *t;
@@ -353,18 +373,18 @@ fn left_block<'a, const J: usize>(
     }
     for j in 0..J {
         let t = t[j];
-        left[j] += (t[0] + t[1]) + (t[2] + t[3]);
+        transmittance[j] += (t[0] + t[1]) + (t[2] + t[3]);
     }
-    (block.left, block.energy) = (t, energy);
+    (block.transmittance, block.energy) = (t, energy);
     sum(sigma.len(), &energy)
 }
 
-/// What one absorption leaves of each lobe; returns the energy of f_high.
+/// Writes the transmittance of each lobe at a single absorption; returns the energy of f_high.
 #[multiversion(targets("x86_64+avx2+bmi1+bmi2+fma"))]
 fn lobes_of_one<'a, const H: usize, const J: usize>(
     of: &Spectra<'a, J>,
     spectra: &[[f32; J]; H],
-    left: &mut [f32; H],
+    transmittance: &mut [f32; H],
 ) -> f32 {
     const FMA: bool = target_cfg_f!(target_feature = "fma") || cfg!(target_arch = "aarch64");
     let t = &of.first;
@@ -373,24 +393,25 @@ fn lobes_of_one<'a, const H: usize, const J: usize>(
     for j in 0..J {
         by_path[j] = scale[0] * t[j][0];
     }
-    for (left, spectrum) in left.iter_mut().zip(spectra) {
+    for (transmittance, spectrum) in transmittance.iter_mut().zip(spectra) {
         let mut product = [0.0; J];
         for j in 0..J {
             product[j] = by_path[j] * spectrum[j];
         }
-        *left = halves(product);
+        *transmittance = halves(product);
     }
     energy[0]
 }
 
-/// A block of absorptions: their number from its first on; of all, the first of the block, and how many of
-/// them count in the sums.
+/// Writes the transmittances of the lobes at one block of absorptions. The numbers are: absorptions from the
+/// block's first on; all absorptions; the index of the block's first; and how many from there on are included
+/// in the sums.
 #[multiversion(targets("x86_64+avx2+bmi1+bmi2+fma"))]
 fn lobes_block<'a, const H: usize, const J: usize>(
     (of, t): (&Spectra<'a, J>, &Transmittances<J>),
     spectra: &[[f32; J]; H],
     (block, (all, first, count)): (usize, (usize, usize, usize)),
-    to: Left<'a>,
+    to: LobeTransmittances<'a>,
     sums: &mut [f32; H],
 ) -> f32 {
     const FMA: bool = target_cfg_f!(target_feature = "fma") || cfg!(target_arch = "aarch64");
@@ -406,12 +427,12 @@ fn lobes_block<'a, const H: usize, const J: usize>(
     for (l, spectrum) in spectra.iter().enumerate() {
         let value = absorb::<FMA, J>(spectrum, &t);
         sums[l] += sum(count, &value);
-        put(after_mut(to.left.get_mut(l * all..(l + 1) * all).unwrap_or(&mut []), first), &value);
+        put(after_mut(to.lobes.get_mut(l * all..(l + 1) * all).unwrap_or(&mut []), first), &value);
     }
     sum(count, &energy)
 }
 
-/// Energies per sigma from a spectrum.
+/// Energies of f_high at each absorption, from their spectrum.
 #[inline(always)]
 pub(super) fn energies_by_sigma<const FMA: bool, const J: usize>(
     spectrum: &[f32; J],
@@ -436,15 +457,15 @@ fn more_energies<const J: usize>(spectrum: &[f32; J], path: &[f32; J], sigma: &[
     }
 }
 
-/// Sum over the high-order lobes, by path length.
+/// Sum over the high-order lobes of `value` times the lobe's spectrum, by path length.
 #[inline(always)]
 pub(in crate::ply) fn by_path<const FMA: bool, const H: usize, const J: usize>(
     pairs: usize,
     value: &[f32; H],
     spectrum: &[[f32; J]; H],
 ) -> [f32; J] {
-    // The loop runs over pairs of lobes, a number unknown to the compiler: it then keeps the path lengths in
-    // vectors.
+    // The loop runs over pairs of lobes. The compiler does not know their number and therefore keeps the path
+    // lengths in vectors.
     let (mut even, mut odd) = ([0.0; J], [0.0; J]);
     for (value, spectrum) in value.as_chunks::<2>().0.iter().zip(spectrum.as_chunks::<2>().0).take(pairs) {
         for j in 0..J {

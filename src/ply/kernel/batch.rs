@@ -1,5 +1,6 @@
-//! Batches of incidences: the lobes of W queries side by side in long arrays, so that every lane of a vector
-//! holds a lobe and one query's chain of dependent steps hides behind the others'.
+//! Batches of queries with different incidences. The lobes of W queries are stored side by side in long
+//! arrays: each lane of a vector holds one lobe, and the dependent steps of one query overlap with those of
+//! the others.
 
 use super::absorption::{Spectra, by_path, first_transmittances};
 use super::energy::interpolate_node;
@@ -15,7 +16,7 @@ use crate::ply::queries::Channels;
 /// Queries in a chunk: their data, 13 KiB, fit the first-level cache.
 const W: usize = 16;
 
-/// f at `queries`, by query and absorption; 0 beyond their shortest array. L is as in [`mixture`].
+/// f at `queries`, `[query][absorption]` flat; 0 beyond their shortest array. L is as in [`mixture`].
 #[inline(always)]
 pub(in crate::ply) fn eval<const FMA: bool, const H: usize, const R: usize, const L: usize, const J: usize>(
     tables: &Tables<H, R, J>,
@@ -23,8 +24,8 @@ pub(in crate::ply) fn eval<const FMA: bool, const H: usize, const R: usize, cons
     f: &mut [f32],
 ) {
     let mut scratch = Scratch {
-        high: Lobes::new(tables.least_high),
-        refl: Lobes::new(tables.least_refl),
+        high: Lobes::new(tables.min_energy_high),
+        refl: Lobes::new(tables.min_energy_refl),
         spectrum: [[[0.0; J]; H]; W],
         simulated: [(0.0, [0.0; J]); W],
     };
@@ -54,21 +55,21 @@ fn one_incidence<const FMA: bool, const H: usize, const R: usize, const L: usize
     }
 }
 
-/// Lobe data of W queries. Lobes of kind K have K lanes per query.
+/// Lobe data of W queries, `[query][lobe]` with K lanes for each query.
 struct Lobes<const K: usize> {
     params: [[[f32; K]; W]; PARAMS],
     v: [[[f32; K]; W]; 3],
-    least: [[f32; K]; W],
-    /// Cosines of the angles; the sines overwrite the angles in `params`.
+    min_energy: [[f32; K]; W],
+    /// Cosines of the angles. The sines overwrite the angles in `params`.
     cos: [[[f32; K]; W]; 3],
     value: [[f32; K]; W],
 }
 
 impl<const K: usize> Lobes<K> {
     #[inline(always)]
-    fn new(least: [f32; K]) -> Self {
+    fn new(min_energy: [f32; K]) -> Self {
         let zero = [[0.0; K]; W];
-        Lobes { params: [zero; PARAMS], v: [zero; 3], least: [least; W], cos: [zero; 3], value: zero }
+        Lobes { params: [zero; PARAMS], v: [zero; 3], min_energy: [min_energy; W], cos: [zero; 3], value: zero }
     }
 
     #[inline(always)]
@@ -81,15 +82,15 @@ impl<const K: usize> Lobes<K> {
         }
     }
 
-    /// Energies of the lobes and their values. Each step of the arithmetic is a separate loop over all lanes:
-    /// its chain of dependent operations is short, so the processor overlaps many of them, and its constants
-    /// stay in registers.
+    /// Computes the energies and values of the lobes. Each arithmetic step is a separate loop over all lanes.
+    /// Its chain of dependent operations is then short, so the processor overlaps many of them, and its
+    /// constants stay in registers.
     #[inline(always)]
     fn eval<const FMA: bool>(&mut self, bounds: (f32, f32)) {
         let [theta, phi, xy, width1, width2, energy] = self.params.each_mut().map(|x| x.as_flattened_mut());
         let [v0, v1, v2] = self.v.each_ref().map(|x| x.as_flattened());
         let [cos_theta, cos_phi, cos_xy] = self.cos.each_mut().map(|x| x.as_flattened_mut());
-        let (value, least) = (self.value.as_flattened_mut(), self.least.as_flattened());
+        let (value, min_energy) = (self.value.as_flattened_mut(), self.min_energy.as_flattened());
         for (angle, cos) in [(&mut *theta, &mut *cos_theta), (&mut *phi, &mut *cos_phi), (&mut *xy, &mut *cos_xy)] {
             for (angle, cos) in angle.iter_mut().zip(cos) {
                 (*angle, *cos) = sin_cos::<FMA>(*angle);
@@ -100,10 +101,10 @@ impl<const K: usize> Lobes<K> {
                 *width = root_width::<FMA>(*width, bounds);
             }
         }
-        for (((value, energy), least), (s1, s2)) in
-            value.iter_mut().zip(energy.iter_mut()).zip(least).zip(width1.iter().zip(width2.iter()))
+        for (((value, energy), min_energy), (s1, s2)) in
+            value.iter_mut().zip(energy.iter_mut()).zip(min_energy).zip(width1.iter().zip(width2.iter()))
         {
-            *energy = max(*energy, *least);
+            *energy = max(*energy, *min_energy);
             *value = *energy * amplitudes::<FMA>(*s1, *s2).1;
         }
         for i in 0..value.len() {
@@ -120,11 +121,11 @@ struct Scratch<const H: usize, const R: usize, const J: usize> {
     high: Lobes<H>,
     refl: Lobes<R>,
     spectrum: [[[f32; J]; H]; W],
-    /// Energy of f_refl, spectrum of the energy of f_high.
+    /// Energy of f_refl, and spectrum of the energy of f_high, for each query.
     simulated: [(f32, [f32; J]); W],
 }
 
-/// At most W queries.
+/// Evaluates at most W queries with different incidences.
 #[inline(always)]
 fn many<const FMA: bool, const H: usize, const R: usize, const J: usize>(
     tables: &Tables<H, R, J>,
@@ -133,7 +134,7 @@ fn many<const FMA: bool, const H: usize, const R: usize, const J: usize>(
     f: &mut [f32],
 ) {
     let [x, y, z] = queries.wo;
-    // Absent queries miss.
+    // Queries beyond the end of the arrays have a NaN latitude, so they miss.
     let mut theta_i = head(queries.theta_i, f32::NAN);
     let count = queries.count.max(1);
     let there = [queries.h_um.len(), queries.sigma.len() / count, x.len(), y.len(), z.len()];

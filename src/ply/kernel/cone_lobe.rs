@@ -1,5 +1,5 @@
 //! The arithmetic of cone lobes side by side ([`crate::ply::cone`]): shapes at an incidence, values in a
-//! direction, sampling.
+//! direction, and sampling.
 
 use super::lobe::{root_width, sin_cos};
 use super::mixture::Params;
@@ -8,30 +8,31 @@ use crate::math::simd::{atan2, exp2_within, fma, max, min};
 use crate::ply::cone::GRAZING;
 use std::f32::consts::{FRAC_1_PI, LN_2, PI};
 
-/// sqrt(ln 2): turns s = sqrt(mu log2 e) into sqrt(mu).
+/// sqrt(ln 2), which turns s = sqrt(mu log2 e) into sqrt(mu).
 const ROOT_LN_2: f32 = 0.832_554_6;
-/// Exponents beyond this are clamped to it: 2^-100 is dark, and less could be denormal.
+/// Exponents are clamped to this: 2^-100 is dark, and smaller numbers could be denormal.
 const DARK: f32 = 100.0;
 
-/// Adding this rounds a small number to a whole one.
+/// Adding and subtracting this number rounds a small number to an integer.
 const ROUND: f32 = 12_582_912.0; // 1.5 * 2^23
 
 /// Shapes of cone lobes at an incidence.
 #[derive(Clone, Copy, Debug)]
 pub(in crate::ply) struct ConeShapes<const L: usize> {
-    /// Azimuths [half turns].
+    /// Azimuths of the centers [half turns].
     phi: [f32; L],
-    /// s0 there, and its change by sin x.
+    /// s0 at the center, and the coefficient of sin x in s0.
     center: [f32; L],
     slope: [f32; L],
     /// sqrt(mu1 log2 e), sqrt(mu2 log2 e) / g.
     s1: [f32; L],
     s2: [f32; L],
-    /// Factor of a lobe's exponentials for its energy, without the sum of erf.
+    /// Factor on the product of a lobe's exponentials that gives it its energy; the sum of erf is divided by
+    /// separately.
     pub(in crate::ply) amplitude: [f32; L],
 }
 
-/// Azimuth of a direction [half turns]; NaN for an invalid direction.
+/// Azimuth of a direction [half turns]; `None` for an invalid direction.
 #[inline(always)]
 pub(in crate::ply) fn azimuth<const FMA: bool>(v: [f32; 3]) -> Option<f32> {
     let n2 = v[0] * v[0] + v[1] * v[1] + v[2] * v[2];
@@ -47,8 +48,8 @@ pub(in crate::ply) fn incidence<const FMA: bool>(theta_i: f32) -> [f32; 3] {
 }
 
 impl<const L: usize> ConeShapes<L> {
-    /// Shapes from interpolated parameters and the energies of the lobes. `bounds` are those of the stored
-    /// bandwidths, mu1 and mu2.
+    /// Shapes from interpolated parameters and the energies of the lobes. `bounds` are the bounds of the
+    /// stored bandwidths mu1 and mu2.
     #[inline(always)]
     pub(in crate::ply) fn new<const FMA: bool>(
         params: &Params<L>,
@@ -72,7 +73,7 @@ impl<const L: usize> ConeShapes<L> {
         x
     }
 
-    /// The value of lobe `i` at (azimuth [half turns], s) over its amplitude.
+    /// The value of lobe `i` at an azimuth [half turns] and s = sin theta_o, divided by its amplitude.
     #[inline(always)]
     pub(in crate::ply) fn shape<const FMA: bool>(&self, i: usize, phi: f32, s: f32) -> f32 {
         let turn = phi - self.phi[i];
@@ -93,10 +94,10 @@ impl<const L: usize> ConeShapes<L> {
         min(max(fma::<FMA>(self.slope[i], sin, self.center[i]), -1.0), 1.0)
     }
 
-    /// A direction sampled from lobe `i` by two uniform numbers.
+    /// Samples a direction of lobe `i` with two uniform numbers.
     #[inline(always)]
     pub(in crate::ply) fn draw<const FMA: bool>(&self, i: usize, u1: f32, u2: f32) -> [f32; 3] {
-        // Just inside +-1, where the inverse is infinite.
+        // Clamped to just inside of +-1, where the inverse is infinite.
         let inverse = |y: f32| erf_inverse(min(max(y, -1.0 + 6e-8), 1.0 - 6e-8));
         let (r1, r2) = (ROOT_LN_2 * self.s1[i], ROOT_LN_2 * self.s2[i]);
         let x = inverse((2.0 * u1 - 1.0) * fast_erf::<FMA>(PI * r1)) * FRAC_1_PI / r1;
@@ -110,7 +111,7 @@ impl<const L: usize> ConeShapes<L> {
         [c * cos, c * sin, s]
     }
 
-    /// Cosine between the middle of lobe `i` and the forward direction of an incidence ([`incidence`]).
+    /// Cosine between the center of lobe `i` and the forward direction of an incidence ([`incidence`]).
     #[inline(always)]
     pub(in crate::ply) fn forward<const FMA: bool>(&self, i: usize, [s_i, c_i, _]: [f32; 3]) -> f32 {
         let s = min(max(self.center[i], -1.0), 1.0);

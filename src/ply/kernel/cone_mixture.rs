@@ -1,7 +1,7 @@
-//! Mixtures of cone lobes ([`crate::ply::cone`]) instead of round ones: the weights of a [`Mixture`] with
-//! other shapes.
+//! Mixtures of cone lobes ([`crate::ply::cone`]) instead of round ones. The weights are those of a
+//! [`Mixture`]; the shapes differ.
 
-use super::absorption::{Block, leave};
+use super::absorption::{PathBlock, attenuate};
 use super::cone_lobe::{ConeShapes, azimuth, incidence};
 use super::energy::Rest;
 use super::grid_cell::mirrored;
@@ -10,10 +10,10 @@ use super::lobe::unit;
 use super::mixture::{Drawing, Mixture, Params, weights};
 use super::prepared::Choice;
 use crate::math::simd::{fma, max, min};
+use crate::ply::kernel::slit::{SlitSample, SlitValues, kind};
 use crate::ply::queries::Channels;
-use crate::ply::slit::{SlitSample, SlitValues, kind};
 
-/// The lobes at an incidence.
+/// The cone lobes of a model at one incidence.
 pub(in crate::ply) struct ConeMixture<'a, const H: usize, const R: usize, const L: usize, const J: usize> {
     pub(in crate::ply) weights: Mixture<'a, H, R, L, J>,
     shapes: ConeShapes<L>,
@@ -21,7 +21,7 @@ pub(in crate::ply) struct ConeMixture<'a, const H: usize, const R: usize, const 
 }
 
 impl<'a, const H: usize, const R: usize, const L: usize, const J: usize> ConeMixture<'a, H, R, L, J> {
-    /// `None` where the beam misses.
+    /// Interpolates the lobes; `None` if the beam misses.
     #[inline(always)]
     pub(in crate::ply) fn new<const FMA: bool>(
         tables: &'a Tables<H, R, J>,
@@ -36,20 +36,22 @@ impl<'a, const H: usize, const R: usize, const L: usize, const J: usize> ConeMix
         Some(ConeMixture { weights, shapes, theta_i })
     }
 
-    /// f_high per sigma in `high` [1/sr]; the rest, with the density of sampling `wo` only with `PDF`.
+    /// Writes f_high for each absorption [1/sr] to `high`, and returns the other values. The density of
+    /// sampling `wo` is computed only if `PDF`.
     #[inline(always)]
     pub(in crate::ply) fn eval<const FMA: bool, const PDF: bool>(
         &self,
-        sigma: (&[f32], Option<&Block<J>>),
+        sigma: (&[f32], Option<&PathBlock<J>>),
         wo: [f32; 3],
         high: &mut [f32],
     ) -> Rest {
-        // A cone is its own density.
+        // The value of a cone lobe is its own density.
         let values = values::<FMA, L>(&self.shapes, self.weights.flip, wo);
         self.weights.absorb::<FMA, PDF>((&values, &values), sigma, high)
     }
 
-    /// A direction and [`ConeMixture::eval`] there; no direction for missed light.
+    /// Samples a direction and evaluates [`ConeMixture::eval`] there; the direction is `None` for missed
+    /// light.
     #[inline(always)]
     pub(in crate::ply) fn sample<const FMA: bool>(
         &self,
@@ -58,11 +60,11 @@ impl<'a, const H: usize, const R: usize, const L: usize, const J: usize> ConeMix
         high: &mut [f32],
     ) -> (Option<[f32; 3]>, Rest) {
         let u = unit(u);
-        let mut block = Block::none();
+        let mut block = PathBlock::none();
         let drawing = self.weights.drawing(sigma, &mut block);
-        let left = u[0] * drawing.total;
-        if left < drawing.total - self.weights.r_d
-            && let Some(wo) = self.sample_lobe::<FMA>(&drawing.mean, left, u)
+        let target = u[0] * drawing.total;
+        if target < drawing.total - self.weights.r_d
+            && let Some(wo) = self.sample_lobe::<FMA>(&drawing.mean, target, u)
         {
             return (Some(wo), self.eval::<FMA, true>((sigma, Some(&block)), wo, high));
         }
@@ -71,62 +73,58 @@ impl<'a, const H: usize, const R: usize, const L: usize, const J: usize> ConeMix
     }
 
     #[inline(always)]
-    fn sample_lobe<const FMA: bool>(&self, mean: &[f32; L], left: f32, u: [f32; 3]) -> Option<[f32; 3]> {
-        let i = self.weights.choose::<FMA>(mean, left)?;
+    fn sample_lobe<const FMA: bool>(&self, mean: &[f32; L], target: f32, u: [f32; 3]) -> Option<[f32; 3]> {
+        let i = self.weights.choose::<FMA>(mean, target)?;
         Some(mirrored(self.weights.flip, self.shapes.draw::<FMA>(i, u[1], u[2])))
     }
 
-    /// Removes a slit's share from each lobe, as for round ones: `share` times the cosine between its middle
-    /// and the forward direction. Returns what is taken by lane.
+    /// Removes a slit's share from each lobe, as for round lobes: `share` times the cosine between the lobe's
+    /// center and the forward direction. Returns the removed energies by lane.
     #[inline(always)]
-    fn take<const FMA: bool>(&mut self, share: f32) -> [f32; L] {
+    fn remove_share<const FMA: bool>(&mut self, share: f32) -> [f32; L] {
         let at = incidence::<FMA>(self.theta_i);
-        let mut taken = [0.0; L];
+        let mut diffracted = [0.0; L];
         for i in 0..H {
             let part = share * min(max(self.shapes.forward::<FMA>(i, at), 0.0), 1.0);
-            taken[i] = self.weights.energy[i] * part;
-            self.weights.energy[i] -= taken[i];
+            diffracted[i] = self.weights.energy[i] * part;
+            self.weights.energy[i] -= diffracted[i];
             self.shapes.amplitude[i] *= 1.0 - part;
         }
-        taken
+        diffracted
     }
 
-    /// [`ConeMixture::eval`] less the slit's share, and the share's chance.
+    /// [`ConeMixture::eval`] without the slit's share, and the probability that a sample belongs to that
+    /// share.
     #[inline(always)]
-    pub(in crate::ply) fn slit_eval_pdf<const FMA: bool>(
+    pub(super) fn slit_eval_pdf<const FMA: bool>(
         &mut self,
         share: f32,
         sigma: &[f32],
         wo: [f32; 3],
         values: SlitValues<'_>,
     ) -> (Rest, f32) {
-        let taken = self.take::<FMA>(share);
-        let chance = self.weights.diffracted::<FMA>(&taken, sigma, values.taken);
+        let diffracted = self.remove_share::<FMA>(share);
+        let chance = self.weights.diffracted::<FMA>(&diffracted, sigma, values.diffracted);
         (self.eval::<FMA, true>((sigma, None), wo, values.high), chance)
     }
 
-    /// Kind of a sample when a slit diffracts its share.
+    /// Samples the kind of light, if a slit diffracts its share.
     #[inline(always)]
-    pub(in crate::ply) fn slit_sample<const FMA: bool>(
-        &mut self,
-        share: f32,
-        sigma: &[f32],
-        u: [f32; 3],
-    ) -> SlitSample {
+    pub(super) fn slit_sample<const FMA: bool>(&mut self, share: f32, sigma: &[f32], u: [f32; 3]) -> SlitSample {
         let u = unit(u);
-        let Drawing { mean, total } = self.weights.drawing(sigma, &mut Block::none());
-        let (taken, mut sum) = (self.take::<FMA>(share), 0.0);
+        let Drawing { mean, total } = self.weights.drawing(sigma, &mut PathBlock::none());
+        let (diffracted, mut sum) = (self.remove_share::<FMA>(share), 0.0);
         for i in 0..H {
-            sum = fma::<FMA>(taken[i], mean[i], sum);
+            sum = fma::<FMA>(diffracted[i], mean[i], sum);
         }
         match kind(u[0], total, self.weights.r_d, sum) {
             Err(kind) => kind,
-            Ok(left) => self.sample_lobe::<FMA>(&mean, left, u).map_or(SlitSample::None, SlitSample::Lobe),
+            Ok(target) => self.sample_lobe::<FMA>(&mean, target, u).map_or(SlitSample::None, SlitSample::Lobe),
         }
     }
 }
 
-/// Values of the lobes before absorption, not scaled.
+/// Values of the lobes before absorption and before the scale to the simulated energy.
 #[inline(always)]
 fn values<const FMA: bool, const L: usize>(x: &ConeShapes<L>, flip: bool, wo: [f32; 3]) -> [f32; L] {
     let v = mirrored(flip, wo);
@@ -139,7 +137,7 @@ fn values<const FMA: bool, const L: usize>(x: &ConeShapes<L>, flip: bool, wo: [f
     value
 }
 
-/// f at `queries`, by query and absorption; 0 beyond their shortest array.
+/// f at `queries`, `[query][absorption]` flat; 0 beyond their shortest array.
 #[inline(always)]
 pub(in crate::ply) fn eval_batch<const FMA: bool, const H: usize, const R: usize, const L: usize, const J: usize>(
     tables: &Tables<H, R, J>,
@@ -147,25 +145,25 @@ pub(in crate::ply) fn eval_batch<const FMA: bool, const H: usize, const R: usize
     f: &mut [f32],
 ) {
     f.fill(0.0);
-    let mut kept = None;
+    let mut cached = None;
     let one = queries.one_incidence(f.len() / queries.count.max(1));
     for (i, f) in f.chunks_exact_mut(queries.count.max(1)).enumerate() {
         let Some((theta_i, h_um, sigma, wo)) = queries.get(i) else { return };
-        if kept.is_none() || !one {
-            kept = Some(ConeMixture::<H, R, L, J>::new::<FMA>(tables, theta_i, h_um, sigma));
+        if cached.is_none() || !one {
+            cached = Some(ConeMixture::<H, R, L, J>::new::<FMA>(tables, theta_i, h_um, sigma));
         }
-        if let Some(Some(mixture)) = &kept {
+        if let Some(Some(mixture)) = &cached {
             let refl = mixture.eval::<FMA, false>((sigma, None), wo, f).refl;
             f.iter_mut().for_each(|f| *f += refl);
         }
     }
 }
 
-/// Prepared cone lobes at one incidence, for many directions: H high-order ones first, then those of f_refl.
+/// Prepared cone lobes at one incidence, for many directions: H high-order lobes first, then those of f_refl.
 #[derive(Clone, Copy, Debug)]
 pub(in crate::ply) struct PreparedCones<const H: usize, const L: usize> {
     shapes: ConeShapes<L>,
-    /// Factor from a value to its density: the lobe's mean over the absorptions, over the total energy.
+    /// Factor from a lobe's value to its density: its mean over the absorptions, divided by the total energy.
     density: [f32; L],
     choice: Choice<L>,
     scale_refl: f32,
@@ -187,10 +185,15 @@ impl<const H: usize, const L: usize> PreparedCones<H, L> {
     }
 
     #[inline(always)]
-    pub(in crate::ply) fn eval_pdf<const FMA: bool>(&self, left: &[f32], wo: [f32; 3], high: &mut [f32]) -> Rest {
+    pub(in crate::ply) fn eval_pdf<const FMA: bool>(
+        &self,
+        transmittance: &[f32],
+        wo: [f32; 3],
+        high: &mut [f32],
+    ) -> Rest {
         let value = values::<FMA, L>(&self.shapes, self.flip, wo);
         let (mut refl, mut pdf) = (0.0, 0.0);
-        leave::<FMA, H>(value.first_chunk().unwrap_or(&[0.0; H]), left, high);
+        attenuate::<FMA, H>(value.first_chunk().unwrap_or(&[0.0; H]), transmittance, high);
         for i in 0..L {
             pdf = fma::<FMA>(value[i], self.density[i], pdf);
         }
@@ -203,7 +206,7 @@ impl<const H: usize, const L: usize> PreparedCones<H, L> {
     #[inline(always)]
     pub(in crate::ply) fn sample<const FMA: bool>(
         &self,
-        left: &[f32],
+        transmittance: &[f32],
         u: [f32; 3],
         high: &mut [f32],
     ) -> (Option<[f32; 3]>, Rest) {
@@ -213,6 +216,6 @@ impl<const H: usize, const L: usize> PreparedCones<H, L> {
             return (None, self.choice.rest(0.0, 0.0));
         };
         let wo = mirrored(self.flip, self.shapes.draw::<FMA>(i, u[1], u[2]));
-        (Some(wo), self.eval_pdf::<FMA>(left, wo, high))
+        (Some(wo), self.eval_pdf::<FMA>(transmittance, wo, high))
     }
 }

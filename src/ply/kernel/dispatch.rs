@@ -1,26 +1,26 @@
-//! The kernels, compiled once for any processor and once for AVX2, whichever has it at the first call; each
-//! of these functions is one inlined copy of the arithmetic. Models that exceed the fast tables use one
-//! portable copy. Absorptions and their results are slices, so that one copy serves any number of them.
+//! The kernels, each compiled once for any processor and once for AVX2 and FMA; the first call chooses. Each
+//! of these functions holds one inlined copy of the arithmetic. Models that exceed the fast tables use one
+//! portable copy. Absorptions and results are slices, so that one copy serves any number of absorptions.
 
-use super::absorption::Left;
+use super::absorption::LobeTransmittances;
 use super::batch;
 use super::cone_mixture::{self, ConeMixture, PreparedCones};
 use super::energy::{self, Core, DrawnBy, Energies, Rest};
 use super::layout::{FEW, Fast, Layout, MORE, Tables};
 use super::mixture::{mixture, weights};
 use super::prepared::PreparedLobes;
+use crate::ply::kernel::slit::{SlitSample, SlitValues};
 use crate::ply::queries::Channels;
-use crate::ply::slit::{SlitSample, SlitValues};
 use crate::ply::{MAX_LOBES, MAX_PATHS, Queries};
 use multiversion::{multiversion, target::target_cfg_f};
 
 type Large = Tables<MAX_LOBES, MAX_LOBES, MAX_PATHS>;
-/// Lanes of a mixture for fast and for large tables: a power of 2.
+/// Lanes of a mixture for fast and for large tables, each a power of 2.
 const LANES: usize = 16;
 const LANES_LARGE: usize = 2 * MAX_LOBES;
 
-/// Declares a kernel: `$name` chooses between `$fast`, compiled for several instruction sets, `$large`, and
-/// the two for cones. In each, the body uses the tables and the constants FMA and L (lanes).
+/// Declares a kernel. `$name` chooses by the layout between `$fast`, compiled for several instruction sets,
+/// `$large`, and the two for cones. In each, the body uses the tables and the constants FMA and L (lanes).
 macro_rules! kernel {
     ($name:ident <$($life:lifetime)?> [$fast:ident, $large:ident, $cone:ident, $large_cone:ident],
      ($($arg:ident: $type:ty),*) -> $out:ty, |$t:ident, $fma:ident, $l:ident| $body:expr, $cone_body:expr) => {
@@ -144,7 +144,7 @@ kernel!(
     }
 );
 
-/// f_refl and f_high in a direction.
+/// f_refl and f_high in an outgoing direction.
 #[inline]
 pub(in crate::ply) fn eval<const N: usize>(
     layout: &Layout,
@@ -170,7 +170,7 @@ pub(in crate::ply) fn eval_pdf<const N: usize>(
     eval_pdf_into(layout, theta_i, h_um, sigma, wo, &mut high).with(high)
 }
 
-/// A direction, with [`eval_pdf`] there.
+/// Samples an outgoing direction and evaluates [`eval_pdf`] there.
 #[inline]
 pub(in crate::ply) fn sample<const N: usize>(
     layout: &Layout,
@@ -203,14 +203,14 @@ pub(in crate::ply) fn energies<const N: usize>(
     Energies { r_d, refl, high }
 }
 
-/// Share of f_high that a slit diffracts: energy, and the chance that a sample belongs to it.
+/// The share of f_high that a slit diffracts: its energies, and the probability that a sample belongs to it.
 #[derive(Clone, Copy)]
 pub(in crate::ply) struct Diffracted<const N: usize> {
     pub(in crate::ply) energy: [f32; N],
     pub(in crate::ply) chance: f32,
 }
 
-/// [`eval_pdf`] less the share of a slit, and that share.
+/// [`eval_pdf`] without the share of a slit, and that share.
 #[inline]
 pub(in crate::ply) fn slit_eval_pdf<const N: usize>(
     layout: &Layout,
@@ -220,12 +220,12 @@ pub(in crate::ply) fn slit_eval_pdf<const N: usize>(
     wo: [f32; 3],
 ) -> (Core<N>, Diffracted<N>) {
     let (mut high, mut energy) = ([0.0; N], [0.0; N]);
-    let values = SlitValues { high: &mut high, taken: &mut energy };
+    let values = SlitValues { high: &mut high, diffracted: &mut energy };
     let (rest, chance) = slit_eval_into(layout, share, theta_i, h_um, sigma, wo, values);
     (rest.with(high), Diffracted { energy, chance })
 }
 
-/// Kind of a sample when a slit diffracts its share.
+/// Samples the kind of light, if a slit diffracts its share.
 #[inline]
 pub(in crate::ply) fn slit_sample<const N: usize>(
     layout: &Layout,
@@ -237,134 +237,140 @@ pub(in crate::ply) fn slit_sample<const N: usize>(
     slit_sample_of(layout, share, theta_i, h_um, sigma, u)
 }
 
-/// Lobes of fast tables.
+/// Prepared lobes from fast tables.
 type FastLobes<const H: usize> = PreparedLobes<H, LANES>;
 type FastCones = PreparedCones<MORE, LANES>;
 
-/// Prepared lobes of an incidence. They live on the stack of a host's query: a box would allocate.
+/// Prepared lobes of any kind at an incidence. They are stored in a host's query on the stack, because a box
+/// would allocate.
 #[allow(clippy::large_enum_variant)]
 #[derive(Clone, Copy, Debug)]
-enum Ready {
+enum AnyLobes {
     Few(FastLobes<FEW>),
     More(FastLobes<MORE>),
     Cone(FastCones),
-    /// The beam misses, or the tables are large.
+    /// The beam misses, or the tables are too large.
     Nothing,
 }
 
-/// Lobes of an incidence prepared for directions and N absorptions; nothing where the beam misses or the
-/// tables are large.
+/// Lobes at one incidence, prepared for many directions and N absorptions. It is empty if the beam misses or
+/// the tables are too large.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Prepared<const N: usize> {
-    ready: Ready,
-    left: Option<Absorbed<N>>,
+    lobes: AnyLobes,
+    absorbed: Option<Absorbed<N>>,
 }
 
 #[derive(Clone, Copy, Debug)]
 struct Absorbed<const N: usize> {
-    /// What absorptions leave of the lobes of f_high, scaled to the simulated energy.
-    left: [[f32; N]; MORE],
+    /// Transmittances of the lobes of f_high at each absorption, scaled to the simulated energy,
+    /// `[lobe][absorption]`.
+    transmittance: [[f32; N]; MORE],
     energies: Energies<N>,
 }
 
 impl<const N: usize> Prepared<N> {
     pub(crate) const NOTHING: Self = Self::nothing();
 
-    /// [`Prepared::NOTHING`] made in place; a copy of the constant would be one of all its lobes.
+    /// An empty value, constructed in place: copying [`Prepared::NOTHING`] would copy the memory of all
+    /// lobes.
     #[inline(always)]
     pub(crate) const fn nothing() -> Self {
-        Prepared { ready: Ready::Nothing, left: None }
+        Prepared { lobes: AnyLobes::Nothing, absorbed: None }
     }
 
-    /// The energies that the lobes are scaled to; none of nothing.
+    /// The energies that the lobes are scaled to; `None` if empty.
     #[inline(always)]
     pub(in crate::ply) fn energies(&self) -> Option<&Energies<N>> {
-        self.left.as_ref().map(|left| &left.energies)
+        self.absorbed.as_ref().map(|absorbed| &absorbed.energies)
     }
 
     #[inline(always)]
     pub(in crate::ply) fn is_nothing(&self) -> bool {
-        self.left.is_none()
+        self.absorbed.is_none()
     }
 
-    /// Prepares the lobes at an incidence, in place.
+    /// Interpolates the lobes at an incidence, in place.
     #[inline]
     pub(in crate::ply) fn set(&mut self, layout: &Layout, theta_i: f32, h_um: f32, sigma: &[f32; N], by: DrawnBy) {
         let energies = Energies { r_d: 1.0, refl: 0.0, high: [0.0; N] };
-        let to = self.left.insert(Absorbed { left: [[0.0; N]; MORE], energies });
-        let left = Left { energy: &mut to.energies.high, left: to.left.as_flattened_mut() };
-        match prepare(layout, theta_i, h_um, (sigma, by), left, &mut self.ready) {
+        let to = self.absorbed.insert(Absorbed { transmittance: [[0.0; N]; MORE], energies });
+        let transmittance =
+            LobeTransmittances { energy: &mut to.energies.high, lobes: to.transmittance.as_flattened_mut() };
+        match prepare(layout, theta_i, h_um, (sigma, by), transmittance, &mut self.lobes) {
             Some(energies) => [to.energies.r_d, to.energies.refl] = energies,
-            None => self.left = None,
+            None => self.absorbed = None,
         }
     }
 
-    /// f_refl and f_high in a direction, with the density for cones; not for nothing.
+    /// f_refl and f_high in a direction. Cone lobes also yield the density. An empty value yields those of a
+    /// beam that misses.
     #[inline]
     pub(in crate::ply) fn eval(&self, wo: [f32; 3]) -> Core<N> {
         let mut high = [0.0; N];
-        let Some(Absorbed { left, .. }) = &self.left else { return Rest::MISS.with(high) };
-        eval_prepared(&self.ready, left.as_flattened(), wo, &mut high).with(high)
+        let Some(Absorbed { transmittance, .. }) = &self.absorbed else { return Rest::MISS.with(high) };
+        eval_prepared(&self.lobes, transmittance.as_flattened(), wo, &mut high).with(high)
     }
 
     /// [`Prepared::eval`] with the density.
     #[inline]
     pub(in crate::ply) fn eval_pdf(&self, wo: [f32; 3]) -> Core<N> {
         let mut high = [0.0; N];
-        let Some(Absorbed { left, .. }) = &self.left else { return Rest::MISS.with(high) };
-        eval_pdf_prepared(&self.ready, left.as_flattened(), wo, &mut high).with(high)
+        let Some(Absorbed { transmittance, .. }) = &self.absorbed else { return Rest::MISS.with(high) };
+        eval_pdf_prepared(&self.lobes, transmittance.as_flattened(), wo, &mut high).with(high)
     }
 
-    /// A direction, with [`Prepared::eval_pdf`] there.
+    /// Samples a direction and evaluates [`Prepared::eval_pdf`] there.
     #[inline]
     pub(in crate::ply) fn sample(&self, u: [f32; 3]) -> (Option<[f32; 3]>, Core<N>) {
         let mut high = [0.0; N];
-        let Some(Absorbed { left, .. }) = &self.left else { return (None, Rest::MISS.with(high)) };
-        let (wo, rest) = sample_prepared(&self.ready, left.as_flattened(), u, &mut high);
+        let Some(Absorbed { transmittance, .. }) = &self.absorbed else { return (None, Rest::MISS.with(high)) };
+        let (wo, rest) = sample_prepared(&self.lobes, transmittance.as_flattened(), u, &mut high);
         (wo, rest.with(high))
     }
 }
 
-fn eval_prepared(ready: &Ready, left: &[f32], wo: [f32; 3], high: &mut [f32]) -> Rest {
-    match ready {
-        Ready::Few(x) => prepared_eval(x, left, wo, high),
-        Ready::More(x) => prepared_eval(x, left, wo, high),
-        Ready::Cone(x) => cone_eval_pdf(x, left, wo, high),
-        Ready::Nothing => Rest::MISS,
+fn eval_prepared(lobes: &AnyLobes, transmittance: &[f32], wo: [f32; 3], high: &mut [f32]) -> Rest {
+    match lobes {
+        AnyLobes::Few(x) => prepared_eval(x, transmittance, wo, high),
+        AnyLobes::More(x) => prepared_eval(x, transmittance, wo, high),
+        AnyLobes::Cone(x) => cone_eval_pdf(x, transmittance, wo, high),
+        AnyLobes::Nothing => Rest::MISS,
     }
 }
 
-fn eval_pdf_prepared(ready: &Ready, left: &[f32], wo: [f32; 3], high: &mut [f32]) -> Rest {
-    match ready {
-        Ready::Few(x) => prepared_eval_pdf(x, left, wo, high),
-        Ready::More(x) => prepared_eval_pdf(x, left, wo, high),
-        Ready::Cone(x) => cone_eval_pdf(x, left, wo, high),
-        Ready::Nothing => Rest::MISS,
+fn eval_pdf_prepared(lobes: &AnyLobes, transmittance: &[f32], wo: [f32; 3], high: &mut [f32]) -> Rest {
+    match lobes {
+        AnyLobes::Few(x) => prepared_eval_pdf(x, transmittance, wo, high),
+        AnyLobes::More(x) => prepared_eval_pdf(x, transmittance, wo, high),
+        AnyLobes::Cone(x) => cone_eval_pdf(x, transmittance, wo, high),
+        AnyLobes::Nothing => Rest::MISS,
     }
 }
 
-fn sample_prepared(ready: &Ready, left: &[f32], u: [f32; 3], high: &mut [f32]) -> (Option<[f32; 3]>, Rest) {
-    match ready {
-        Ready::Few(x) => prepared_sample(x, left, u, high),
-        Ready::More(x) => prepared_sample(x, left, u, high),
-        Ready::Cone(x) => cone_sample(x, left, u, high),
-        Ready::Nothing => (None, Rest::MISS),
+fn sample_prepared(lobes: &AnyLobes, transmittance: &[f32], u: [f32; 3], high: &mut [f32]) -> (Option<[f32; 3]>, Rest) {
+    match lobes {
+        AnyLobes::Few(x) => prepared_sample(x, transmittance, u, high),
+        AnyLobes::More(x) => prepared_sample(x, transmittance, u, high),
+        AnyLobes::Cone(x) => cone_sample(x, transmittance, u, high),
+        AnyLobes::Nothing => (None, Rest::MISS),
     }
 }
 
-/// Prepares the lobes at an incidence, in place; r_d and the energy of f_refl, or none of nothing.
+/// Interpolates the lobes at an incidence, in place. Returns r_d and the energy of f_refl; `None` if the beam
+/// misses or the tables are too large.
 fn prepare(
     layout: &Layout,
     theta_i: f32,
     h_um: f32,
     sigma: (&[f32], DrawnBy),
-    left: Left<'_>,
-    ready: &mut Ready,
+    transmittance: LobeTransmittances<'_>,
+    lobes: &mut AnyLobes,
 ) -> Option<[f32; 2]> {
     match layout {
-        Layout::Few(tables) => prepare_few(tables, theta_i, h_um, sigma, left, ready),
-        Layout::More(tables) => prepare_more(tables, theta_i, h_um, sigma, left, ready),
-        Layout::Cone(tables) => prepare_cone(tables, theta_i, h_um, sigma, left, ready),
+        Layout::Few(tables) => prepare_few(tables, theta_i, h_um, sigma, transmittance, lobes),
+        Layout::More(tables) => prepare_more(tables, theta_i, h_um, sigma, transmittance, lobes),
+        Layout::Cone(tables) => prepare_cone(tables, theta_i, h_um, sigma, transmittance, lobes),
         Layout::Large(_) | Layout::LargeCone(_) => None,
     }
 }
@@ -380,38 +386,38 @@ macro_rules! prepared {
     };
 }
 
-prepared!(prepare_few<'a>, (tables: &Fast<FEW>, theta_i: f32, h_um: f32, sigma: (&[f32], DrawnBy), left: Left<'a>, ready: &mut Ready) -> Option<[f32; 2]>, |FMA| {
+prepared!(prepare_few<'a>, (tables: &Fast<FEW>, theta_i: f32, h_um: f32, sigma: (&[f32], DrawnBy), transmittance: LobeTransmittances<'a>, lobes: &mut AnyLobes) -> Option<[f32; 2]>, |FMA| {
     match mixture::<FMA, _, _, LANES, _>(tables, theta_i, h_um, sigma.0) {
         Some((m, shapes)) => {
-            let drawing = m.leave(sigma.0, sigma.1, left);
-            *ready = Ready::Few(PreparedLobes::new::<FMA, _, _>(&m, &shapes, &drawing));
+            let drawing = m.drawing_by(sigma.0, sigma.1, transmittance);
+            *lobes = AnyLobes::Few(PreparedLobes::new::<FMA, _, _>(&m, &shapes, &drawing));
             Some([m.r_d, m.refl])
         }
         None => None,
     }
 });
-prepared!(prepare_more<'a>, (tables: &Fast<MORE>, theta_i: f32, h_um: f32, sigma: (&[f32], DrawnBy), left: Left<'a>, ready: &mut Ready) -> Option<[f32; 2]>, |FMA| {
+prepared!(prepare_more<'a>, (tables: &Fast<MORE>, theta_i: f32, h_um: f32, sigma: (&[f32], DrawnBy), transmittance: LobeTransmittances<'a>, lobes: &mut AnyLobes) -> Option<[f32; 2]>, |FMA| {
     match mixture::<FMA, _, _, LANES, _>(tables, theta_i, h_um, sigma.0) {
         Some((m, shapes)) => {
-            let drawing = m.leave(sigma.0, sigma.1, left);
-            *ready = Ready::More(PreparedLobes::new::<FMA, _, _>(&m, &shapes, &drawing));
+            let drawing = m.drawing_by(sigma.0, sigma.1, transmittance);
+            *lobes = AnyLobes::More(PreparedLobes::new::<FMA, _, _>(&m, &shapes, &drawing));
             Some([m.r_d, m.refl])
         }
         None => None,
     }
 });
-prepared!(prepare_cone<'a>, (tables: &Fast<MORE>, theta_i: f32, h_um: f32, sigma: (&[f32], DrawnBy), left: Left<'a>, ready: &mut Ready) -> Option<[f32; 2]>, |FMA| {
+prepared!(prepare_cone<'a>, (tables: &Fast<MORE>, theta_i: f32, h_um: f32, sigma: (&[f32], DrawnBy), transmittance: LobeTransmittances<'a>, lobes: &mut AnyLobes) -> Option<[f32; 2]>, |FMA| {
     match ConeMixture::<_, _, LANES, _>::new::<FMA>(tables, theta_i, h_um, sigma.0) {
         Some(m) => {
-            let drawing = m.weights.leave(sigma.0, sigma.1, left);
-            *ready = Ready::Cone(PreparedCones::new::<FMA, _, _>(&m, &drawing));
+            let drawing = m.weights.drawing_by(sigma.0, sigma.1, transmittance);
+            *lobes = AnyLobes::Cone(PreparedCones::new::<FMA, _, _>(&m, &drawing));
             Some([m.weights.r_d, m.weights.refl])
         }
         None => None,
     }
 });
-prepared!(cone_eval_pdf<>, (x: &FastCones, left: &[f32], wo: [f32; 3], high: &mut [f32]) -> Rest, |FMA| x.eval_pdf::<FMA>(left, wo, high));
-prepared!(cone_sample<>, (x: &FastCones, left: &[f32], u: [f32; 3], high: &mut [f32]) -> (Option<[f32; 3]>, Rest), |FMA| x.sample::<FMA>(left, u, high));
-prepared!(prepared_eval<H>, (x: &FastLobes<H>, left: &[f32], wo: [f32; 3], high: &mut [f32]) -> Rest, |FMA| x.eval::<FMA, false>(left, wo, high));
-prepared!(prepared_eval_pdf<H>, (x: &FastLobes<H>, left: &[f32], wo: [f32; 3], high: &mut [f32]) -> Rest, |FMA| x.eval::<FMA, true>(left, wo, high));
-prepared!(prepared_sample<H>, (x: &FastLobes<H>, left: &[f32], u: [f32; 3], high: &mut [f32]) -> (Option<[f32; 3]>, Rest), |FMA| x.sample::<FMA>(left, u, high));
+prepared!(cone_eval_pdf<>, (x: &FastCones, transmittance: &[f32], wo: [f32; 3], high: &mut [f32]) -> Rest, |FMA| x.eval_pdf::<FMA>(transmittance, wo, high));
+prepared!(cone_sample<>, (x: &FastCones, transmittance: &[f32], u: [f32; 3], high: &mut [f32]) -> (Option<[f32; 3]>, Rest), |FMA| x.sample::<FMA>(transmittance, u, high));
+prepared!(prepared_eval<H>, (x: &FastLobes<H>, transmittance: &[f32], wo: [f32; 3], high: &mut [f32]) -> Rest, |FMA| x.eval::<FMA, false>(transmittance, wo, high));
+prepared!(prepared_eval_pdf<H>, (x: &FastLobes<H>, transmittance: &[f32], wo: [f32; 3], high: &mut [f32]) -> Rest, |FMA| x.eval::<FMA, true>(transmittance, wo, high));
+prepared!(prepared_sample<H>, (x: &FastLobes<H>, transmittance: &[f32], u: [f32; 3], high: &mut [f32]) -> (Option<[f32; 3]>, Rest), |FMA| x.sample::<FMA>(transmittance, u, high));

@@ -1,11 +1,12 @@
-//! Energies at an incidence, interpolated over the nodes.
+//! Energies at an incidence, interpolated between the nodes: r_d, the energy of f_refl, and the path-length
+//! spectrum of the energy of f_high ([`crate::ply::data::energies`]).
 
 use super::absorption::energies_by_sigma;
 use super::grid_cell::{GridCell, locate};
 use super::layout::{Shares, Tables};
 use crate::math::simd::{fma, max, min};
 
-/// r_d, energy of f_refl and of f_high per sigma.
+/// r_d, the energy of f_refl, and the energy of f_high at each absorption.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Energies<const N: usize> {
     pub(crate) r_d: f32,
@@ -14,7 +15,7 @@ pub(crate) struct Energies<const N: usize> {
 }
 
 impl<const N: usize> Energies<N> {
-    /// Total scattered energy.
+    /// Total scattered energy, one for each absorption.
     pub(crate) fn albedo(&self) -> [f32; N] {
         let mut all = self.high;
         all.iter_mut().for_each(|e| *e += self.refl);
@@ -22,10 +23,10 @@ impl<const N: usize> Energies<N> {
     }
 }
 
-/// The absorptions by which directions are sampled.
+/// The absorptions whose energies determine which lobe a sample chooses.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(in crate::ply) enum DrawnBy {
-    /// Their mean.
+    /// The mean over all absorptions.
     Mean,
     First,
 }
@@ -35,14 +36,14 @@ pub(in crate::ply) enum DrawnBy {
 pub(crate) struct Core<const N: usize> {
     pub(crate) refl: f32,
     pub(crate) high: [f32; N],
-    /// Density of sampling the direction; 0 where it was not requested.
+    /// Density of sampling the direction; 0 if it was not requested.
     pub(crate) pdf: f32,
     pub(in crate::ply) r_d: f32,
-    /// Chance that a sample is missed light.
+    /// Probability that a sample chooses the missed light.
     pub(in crate::ply) missed: f32,
 }
 
-/// [`Core`] but for f_high.
+/// The fields of [`Core`] except f_high.
 #[derive(Clone, Copy)]
 pub(in crate::ply) struct Rest {
     pub(in crate::ply) refl: f32,
@@ -52,10 +53,10 @@ pub(in crate::ply) struct Rest {
 }
 
 impl Rest {
-    /// A beam beyond the nodes.
+    /// The values for a beam beyond the nodes.
     pub(in crate::ply) const MISS: Self = Rest { refl: 0.0, pdf: 0.0, r_d: 1.0, missed: 1.0 };
 
-    /// Joined with f_high.
+    /// Adds f_high.
     #[inline(always)]
     pub(in crate::ply) fn with<const N: usize>(self, high: [f32; N]) -> Core<N> {
         let Rest { refl, pdf, r_d, missed } = self;
@@ -69,7 +70,7 @@ pub(in crate::ply) fn mix<const FMA: bool>(w: [f32; 4], x: [f32; 4]) -> f32 {
     fma::<FMA>(w[3], x[3], fma::<FMA>(w[2], x[2], fma::<FMA>(w[1], x[1], w[0] * x[0])))
 }
 
-/// Missed light, and the energies of scattered light.
+/// Interpolated r_d and energies of the scattered light.
 #[derive(Clone, Copy)]
 pub(in crate::ply) struct Node<const J: usize> {
     pub(in crate::ply) r_d: f32,
@@ -78,7 +79,7 @@ pub(in crate::ply) struct Node<const J: usize> {
     pub(in crate::ply) high: [f32; J],
 }
 
-/// r_d, energy of f_refl, spectrum of the energy of f_high at an incidence, by their splines.
+/// r_d, the energy of f_refl and the spectrum of the energy of f_high at an incidence, from their splines.
 #[inline(always)]
 pub(in crate::ply) fn interpolate_node<const FMA: bool, const H: usize, const R: usize, const J: usize>(
     tables: &Tables<H, R, J>,
@@ -102,7 +103,7 @@ pub(in crate::ply) fn interpolate_node<const FMA: bool, const H: usize, const R:
             }
         }
     }
-    // Weights and coefficients are not negative except beyond the ends, where rounding may make them slightly
+    // Weights and coefficients are 0 or more, except beyond the ends, where rounding may make them slightly
     // negative.
     let r_d = min(max(r_d, 0.0), 1.0);
     let hit = 1.0 - r_d;
@@ -112,8 +113,9 @@ pub(in crate::ply) fn interpolate_node<const FMA: bool, const H: usize, const R:
     Some(Node { r_d, refl: max(refl, 0.0) * hit, high })
 }
 
-/// r_d and the energy of f_refl at an incidence, that of f_high per sigma in `high`, as `albedo` and `r_d`
-/// return them and as lobes are scaled to; 1 and 0 where the beam misses.
+/// Returns r_d and the energy of f_refl at an incidence, and writes the energy of f_high at each absorption
+/// to `high`. `albedo` and `r_d` return these energies, and the lobes are scaled to them. Where the beam
+/// misses, r_d is 1 and the energies are 0.
 #[inline(always)]
 pub(in crate::ply) fn energies<const FMA: bool, const H: usize, const R: usize, const J: usize>(
     tables: &Tables<H, R, J>,

@@ -1,30 +1,31 @@
-//! Position of an incidence in the tables: the cell of the nodes, the block, and the interpolation weights.
+//! Position of an incidence in the tables: the cell between the nodes, the block, and the interpolation
+//! weights.
 
 use super::layout::{Grid, SplineGrid};
 use crate::math::simd::{fma, max, min};
 
-/// Interpolation at one incidence.
+/// Indices and weights for interpolation at one incidence.
 #[derive(Clone, Copy)]
 pub(in crate::ply) struct GridCell {
     /// Whether the beam is within the nodes.
     pub(in crate::ply) hit: bool,
-    /// Whether theta_i < 0: directions are mirrored on the way in and out.
+    /// Whether theta_i < 0. If so, directions are mirrored before evaluation and after sampling.
     pub(in crate::ply) flip: bool,
-    /// The coefficients of r_d and of the shares.
+    /// Coefficients of r_d and of the shares.
     pub(in crate::ply) miss: Taps,
     pub(in crate::ply) shares: Taps,
-    /// Index of the cell's reflection lobes in the tables, and of the block.
+    /// Index of the cell's reflection lobes in the tables, and of the block's high-order lobes.
     pub(in crate::ply) refl: u32,
     pub(in crate::ply) high: u32,
-    /// Catmull-Rom weights of nodes -1..=2 of the cell along theta_i and h.
+    /// Catmull-Rom weights of nodes -1..=2 of the cell, along theta_i and along h.
     pub(in crate::ply) wm: [f32; 4],
     pub(in crate::ply) wn: [f32; 4],
-    /// Bilinear weights of the corners of the block, theta_i the slower index.
+    /// Bilinear weights of the corners of the block, theta_i being the slower index.
     pub(in crate::ply) block: [f32; 4],
 }
 
-/// Three by three coefficients of a spline: index of the first in the tables, and the weights along theta_i
-/// and h.
+/// Three by three coefficients of a spline: the index of the first in the tables, and the weights along
+/// theta_i and h.
 #[derive(Clone, Copy)]
 pub(in crate::ply) struct Taps {
     pub(in crate::ply) at: u32,
@@ -42,13 +43,13 @@ impl Taps {
     }
 }
 
-/// 2^23 plus a whole number stores that number in its low bits.
+/// An integer from a float: 2^23 plus an integer stores that integer in its low bits.
 #[inline(always)]
 fn bits(x: f32) -> u32 {
     (x + 8_388_608.0).to_bits() & 0x7f_ffff
 }
 
-/// The cell of any incidence, also beyond the nodes, without a branch.
+/// The cell of any incidence, including those beyond the nodes, without a branch.
 #[inline(always)]
 pub(in crate::ply) fn locate<const FMA: bool>(grid: &Grid, theta_i: f32, h_um: f32) -> GridCell {
     let flip = theta_i < 0.0;
@@ -72,7 +73,7 @@ pub(in crate::ply) fn locate<const FMA: bool>(grid: &Grid, theta_i: f32, h_um: f
     }
 }
 
-/// [`GridCell`]s side by side.
+/// [`GridCell`]s of W incidences side by side.
 pub(in crate::ply) struct GridCells<const W: usize> {
     pub(in crate::ply) hit: [u32; W],
     flip: [u32; W],
@@ -104,7 +105,7 @@ impl<const W: usize> GridCells<W> {
         x
     }
 
-    /// Mirrors directions to theta_i >= 0.
+    /// Mirrors the directions of incidences with theta_i < 0.
     #[inline(always)]
     pub(in crate::ply) fn mirror(&self, v: &mut [[f32; W]; 3]) {
         for q in 0..W {
@@ -151,7 +152,7 @@ fn spline<const FMA: bool>(f: f32) -> [f32; 3] {
     [0.5 * low * low, fma::<FMA>(-f, f, 0.75), 0.5 * high * high]
 }
 
-/// Bilinear weights, theta the slower index.
+/// Bilinear weights, theta being the slower index.
 #[inline(always)]
 fn bilinear(fm: f32, fn_: f32) -> [f32; 4] {
     [(1.0 - fm) * (1.0 - fn_), (1.0 - fm) * fn_, fm * (1.0 - fn_), fm * fn_]

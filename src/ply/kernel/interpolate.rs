@@ -1,4 +1,5 @@
-//! Lobes at an incidence from those at the nodes and corners around it.
+//! Lobes at an incidence, interpolated from those at the nodes (f_refl, Catmull-Rom) and at the corners of
+//! the block (f_high, bilinear).
 
 use super::energy::mix;
 use super::grid_cell::GridCell;
@@ -20,7 +21,7 @@ pub(in crate::ply) fn interpolate_refl<const FMA: bool, const H: usize, const R:
     Some(sum)
 }
 
-/// High-order lobes and their spectra, bilinear over the corners of the block, which spans two cells each
+/// High-order lobes and their spectra, bilinear between the corners of the block, which spans two cells each
 /// way.
 #[inline(always)]
 pub(in crate::ply) fn interpolate_high<const FMA: bool, const H: usize, const R: usize, const J: usize>(

@@ -1,7 +1,9 @@
-//! The tensors of a model laid out for the kernels: f32, records on cache lines, lobes side by side, one
-//! ghost node around the reflection grid, angles in half turns and bandwidths as the binary logarithm of
-//! sqrt(mu log2 e), so that the kernels need no range reduction and no square root:
-//! `exp(-mu u^2) = 2^-(s u)^2` with s = 2 to the stored number.
+//! The tensors of a model laid out for the kernels, in f32.
+//!
+//! Records begin on cache lines, lobes lie side by side, and the reflection grid has one ghost node on each
+//! side. Angles are in half turns and bandwidths are stored as log2 of sqrt(mu log2 e), so the kernels need
+//! neither a range reduction nor a square root: `exp(-mu u^2) = 2^-(s u)^2` with s = 2 to the power of the
+//! stored number.
 
 use crate::ply::asg::PARAMS;
 use crate::ply::cone::LobeKind;
@@ -9,12 +11,12 @@ use crate::ply::data::energies::coefficient;
 use crate::ply::data::{MAX_LOBES, MAX_PATHS, MIN_ENERGY, PlyData, extended};
 use std::f64::consts::{LOG2_E, PI};
 
-/// Lanes of high-order lobes that the fast kernels are compiled for: those of most models, and those of
-/// fibers with flat faces. Both fit 16 lanes together with the reflection lobes.
+/// Lanes of high-order lobes that the fast kernels are compiled for: enough for most models, and enough for
+/// fibers with flat facets. Both fit 16 lanes together with the reflection lobes.
 pub(in crate::ply) const FEW: usize = 8;
 pub(in crate::ply) const MORE: usize = 12;
 
-/// Lanes of reflection lobes and path lengths that the fast kernels are compiled for.
+/// Lanes of reflection lobes, and path lengths, that the fast kernels are compiled for.
 pub(in crate::ply) const REFL: usize = 4;
 pub(in crate::ply) const PATHS: usize = 8;
 
@@ -30,12 +32,12 @@ pub(in crate::ply) struct Shares<const J: usize> {
     pub(in crate::ply) high: [f32; J],
 }
 
-/// Reflection lobes at four consecutive nodes along theta_i, one parameter after the other.
+/// Reflection lobes at four consecutive nodes along theta_i, `[node][parameter][lobe]`.
 #[derive(Clone, Debug)]
 #[repr(C, align(64))]
 pub(in crate::ply) struct Refl<const R: usize>(pub(in crate::ply) [[[f32; R]; PARAMS]; 4]);
 
-/// High-order lobes at a corner of a block, one parameter after the other, and the spectrum of each.
+/// High-order lobes at a corner of a block, `[parameter][lobe]`, and their spectra, `[lobe][path length]`.
 #[derive(Clone, Debug)]
 #[repr(C, align(64))]
 pub(in crate::ply) struct High<const H: usize, const J: usize> {
@@ -43,8 +45,8 @@ pub(in crate::ply) struct High<const H: usize, const J: usize> {
     pub(in crate::ply) spectrum: [[f32; J]; H],
 }
 
-/// Arrays for kernels of H high-order and R reflection lanes and J path lengths; entries beyond the model's
-/// own are zero.
+/// Arrays for kernels of H high-order lanes, R reflection lanes and J path lengths. Entries beyond those of
+/// the model are zero.
 #[derive(Clone, Debug)]
 pub(in crate::ply) struct Tables<const H: usize, const R: usize, const J: usize> {
     pub(in crate::ply) grid: Grid,
@@ -57,12 +59,12 @@ pub(in crate::ply) struct Tables<const H: usize, const R: usize, const J: usize>
     /// `[M-1][H+2]`: the nodes -1..=2 of a cell along theta_i, so that a cell's data are contiguous;
     /// extrapolated linearly by one node on each side.
     pub(in crate::ply) refl: Vec<Refl<R>>,
-    /// `[(M-1)/2][(H-1)/2]`: high-order lobes at the four corners.
+    /// `[(M-1)/2][(H-1)/2]`: high-order lobes at the four corners of a block.
     pub(in crate::ply) high: Vec<[High<H, J>; 4]>,
-    /// Smallest energy of a lane: [`MIN_ENERGY`] for lobes, 0 for empty lanes.
-    pub(in crate::ply) least_high: [f32; H],
-    pub(in crate::ply) least_refl: [f32; R],
-    /// Pairs of high-order lanes with a lobe.
+    /// Minimum energy of each lane: [`MIN_ENERGY`] for lobes, 0 for empty lanes.
+    pub(in crate::ply) min_energy_high: [f32; H],
+    pub(in crate::ply) min_energy_refl: [f32; R],
+    /// Number of pairs of high-order lanes that hold a lobe.
     pub(in crate::ply) pairs: usize,
     /// Bounds of the stored bandwidths.
     pub(in crate::ply) bandwidth: (f32, f32),
@@ -70,14 +72,14 @@ pub(in crate::ply) struct Tables<const H: usize, const R: usize, const J: usize>
     pub(in crate::ply) bandwidth_across: (f32, f32),
 }
 
-/// The nodes.
+/// The grid of the nodes.
 #[derive(Clone, Copy, Debug)]
 pub(in crate::ply) struct Grid {
     pub(in crate::ply) nodes_h: u32,
-    /// Last node along theta_i and along h.
+    /// Index of the last node along theta_i and along h.
     pub(in crate::ply) last_theta: f32,
     pub(in crate::ply) last_h: f32,
-    /// Nodes per radian of theta_i, per um of h.
+    /// Nodes per radian of theta_i and per um of h.
     pub(in crate::ply) per_theta: f32,
     pub(in crate::ply) per_h: f32,
     /// Last offset node [um]; the first is its negative.
@@ -116,7 +118,7 @@ fn bordered<T>([rows, columns]: [usize; 2], of: impl Fn(isize, isize) -> T) -> V
     (-1..=rows as isize).flat_map(|m| (-1..=columns as isize).map(move |n| (m, n))).map(|(m, n)| of(m, n)).collect()
 }
 
-/// Tables of one of three sizes, or of two sizes for cones.
+/// Tables of one of three sizes for round lobes, or of one of two for cones.
 #[derive(Clone, Debug)]
 pub(in crate::ply) enum Layout {
     Few(Box<Fast<FEW>>),
@@ -128,7 +130,7 @@ pub(in crate::ply) enum Layout {
 }
 
 impl Layout {
-    /// Tables from checked data.
+    /// Lays out checked data.
     pub(in crate::ply) fn new(d: &PlyData) -> Layout {
         let fast = d.lobes_refl <= REFL && d.path_um.len() <= PATHS;
         if d.family == LobeKind::Cone {
@@ -149,7 +151,7 @@ impl Layout {
 fn stored(family: LobeKind, k: usize, value: f64) -> f64 {
     let value = f64::from(value as f32);
     match k {
-        // The shift and the lean of a cone are not angles of its axis.
+        // Offset and slope of a cone are not angles of an axis and stay in radians.
         0 | 2 if family == LobeKind::Cone => value,
         0..3 => value / PI,
         3 | 4 => 0.5 * (value * LOG2_E + LOG2_E.log2()),
@@ -158,7 +160,7 @@ fn stored(family: LobeKind, k: usize, value: f64) -> f64 {
 }
 
 impl<const H: usize, const R: usize, const J: usize> Tables<H, R, J> {
-    /// Tables from checked data of at most these sizes.
+    /// Lays out checked data of at most these sizes.
     fn new(d: &PlyData) -> Self {
         let (m, h, _, j) = d.sizes();
         let e = &d.energies;
@@ -203,7 +205,7 @@ impl<const H: usize, const R: usize, const J: usize> Tables<H, R, J> {
         let [low, high] =
             [0, 1].map(|end| d.family.bandwidths().map(|b| stored(d.family, 3, [b.0, b.1][end].ln()) as f32));
         let bounds = |k: usize| (low[k - 3], high[k - 3]);
-        let least = |is: bool| if is { MIN_ENERGY as f32 } else { 0.0 };
+        let min_energy = |is: bool| if is { MIN_ENERGY as f32 } else { 0.0 };
         Tables {
             grid: Grid {
                 nodes_h: h as u32,
@@ -220,8 +222,8 @@ impl<const H: usize, const R: usize, const J: usize> Tables<H, R, J> {
             shares: bordered(share_sizes, shares),
             refl,
             high: (0..(m / 2) * (h / 2)).map(|b| std::array::from_fn(|c| corner(b * 4 + c))).collect(),
-            least_high: std::array::from_fn(|l| least(l < d.lobes_high)),
-            least_refl: std::array::from_fn(|l| least(l < d.lobes_refl)),
+            min_energy_high: std::array::from_fn(|l| min_energy(l < d.lobes_high)),
+            min_energy_refl: std::array::from_fn(|l| min_energy(l < d.lobes_refl)),
             pairs: d.lobes_high.div_ceil(2),
             bandwidth: bounds(3),
             bandwidth_across: bounds(4),

@@ -1,13 +1,13 @@
-//! The arithmetic of one lobe: axes, amplitude, value in a direction, sampling. Loops over lanes call these
-//! functions.
+//! The arithmetic of one anisotropic spherical Gaussian (Yu 2025, Eq. 4; [`crate::ply::asg`]): axes,
+//! amplitude, value in a direction, sampling. Loops over lanes call these functions.
 
 use crate::math::simd::{exp2, exp2_within, fma, ln, max, min, signed, sin_cos_half_turns};
 use std::f32::consts::{LN_2, LOG2_E, PI};
 
-// Coefficients of the mean over s of 1 - exp(-1/b(s)) (see asg.rs) in x = (a + b)/2 and y = a b, a = (2 -
-// mu1)/(2 + mu1) and b likewise of mu2: row j multiplies y^j. A minimax fit for bandwidths from MU_MIN to
-// MU_MAX, relative error 9e-5 in f32 (tested);
-// the 12-node quadrature, good to 1e-4 itself, costs ten times as much.
+// Coefficients of the mean over s of 1 - exp(-1/b(s)) (see asg.rs), as a polynomial in x = (a + b)/2 and y =
+// a b with a = (2 - mu1)/(2 + mu1) and b the same of mu2; row j multiplies y^j. They are a minimax fit for
+// bandwidths from MU_MIN to MU_MAX with a relative error of 9e-5 in f32 (tested). The quadrature with 12
+// nodes, whose own error is 1e-4, takes ten times as long.
 const MEAN_0: [f32; 11] = [
     0.86472696,
     -0.5413396,
@@ -27,9 +27,11 @@ const MEAN_2: [f32; 7] = [0.008833905, -0.87465584, -0.9746874, 9.540781, -4.572
 const MEAN_3: [f32; 5] = [0.103313036, -1.2792708, 0.07296818, 23.176245, 33.99076];
 const MEAN_4: [f32; 3] = [0.04638332, -1.8602276, -4.9093513];
 const MEAN_5: [f32; 1] = [0.121228844];
+/// All of them.
+pub const LOBE_MEAN: [&[f32]; 6] = [&MEAN_0, &MEAN_1, &MEAN_2, &MEAN_3, &MEAN_4, &MEAN_5];
 
-/// Polynomial of even degree in x, constant term first, with even and odd powers separate: half the chain of
-/// Horner's rule.
+/// Polynomial of even degree in x, constant term first. Even and odd powers are evaluated separately, which
+/// halves the dependency chain of Horner's rule.
 #[inline(always)]
 fn polynomial<const FMA: bool, const M: usize>(c: [f32; M], x: f32, x2: f32) -> f32 {
     let (mut even, mut odd) = (c[M - 1], c[M - 2]);
@@ -56,7 +58,7 @@ fn unit_mean<const FMA: bool>(t1: f32, t2: f32) -> f32 {
     fma::<FMA>(fma::<FMA>(p45, y2, p23), y2, p01)
 }
 
-/// Axes of a lobe: sines and cosines of theta_z, phi_z, phi_xy. The sign of the last pair does not matter,
+/// Axes of a lobe: sines and cosines of theta_z, phi_z and phi_xy. The sign of the last pair does not matter,
 /// since a lobe is even.
 #[derive(Clone, Copy)]
 pub(in crate::ply) struct Axes {
@@ -96,19 +98,19 @@ pub(in crate::ply) fn axes<const FMA: bool>(theta: f32, phi: f32, xy: f32) -> Ax
     }
 }
 
-/// Square root of a bandwidth times log2 e, from the stored number.
+/// Square root of a bandwidth times log2 e, from the stored number, which is clamped to `bounds`.
 #[inline(always)]
 pub(in crate::ply) fn root_width<const FMA: bool>(stored: f32, bounds: (f32, f32)) -> f32 {
     exp2_within::<FMA>(min(max(stored, bounds.0), bounds.1))
 }
 
-/// `sqrt(mu1 mu2) / pi`.
+/// `sqrt(mu1 mu2) / pi`, from s1 and s2.
 #[inline(always)]
 pub(in crate::ply) fn norm(s1: f32, s2: f32) -> f32 {
     s1 * s2 * (1.0 / (PI * LOG2_E))
 }
 
-/// [`norm`] and the amplitude of a lobe of energy 1.
+/// [`norm`], and the amplitude of a lobe of energy 1.
 #[inline(always)]
 pub(in crate::ply) fn amplitudes<const FMA: bool>(s1: f32, s2: f32) -> (f32, f32) {
     let norm = norm(s1, s2);
@@ -126,29 +128,30 @@ pub(in crate::ply) fn project<const FMA: bool>(x: Axes, v: [f32; 3]) -> [f32; 3]
     [fma::<FMA>(cx, across, sx * up), fma::<FMA>(cx, up, -sx * across), cz]
 }
 
-/// `cz 2^-q` in front of the lobe; the comparisons are false for NaN.
+/// `cz 2^-q` in the hemisphere of the lobe, else 0. NaN gives 0, since the comparisons are false.
 #[inline(always)]
 pub(in crate::ply) fn shape<const FMA: bool>(q: f32, cz: f32) -> f32 {
     let value = cz * exp2_within::<FMA>(-q);
-    // Below 2^-100 a lobe is dark; products of it could be denormal, which is slow.
+    // Below 2^-100 a lobe is dark. Products of smaller numbers could be denormal, which is slow.
     if cz > 0.0 && cz < 2.0 && q < 100.0 { value } else { 0.0 }
 }
 
-/// `1 - 2^-a`, the share of a lobe's plane that lies within the unit disc. Bandwidths keep it above 0.05; it
-/// would be 0 for an invalid direction, whose squares overflow.
+/// `1 - 2^-a`, the share of a lobe's plane that lies within the unit disc. The bounds of the bandwidths keep
+/// it above 0.05; the clamp is for an invalid direction, whose squares overflow.
 #[inline(always)]
 pub(in crate::ply) fn disc_share<const FMA: bool>(a: f32) -> f32 {
     max(1.0 - exp2::<FMA>(-a), 1e-6)
 }
 
-/// Clamps numbers below 1; NaN becomes 0.
+/// Clamps uniform numbers to [0, 1); NaN becomes 0.
 #[inline(always)]
 pub(in crate::ply) fn unit(u: [f32; 3]) -> [f32; 3] {
     use crate::math::clamp_unit;
     [clamp_unit(u[0]), clamp_unit(u[1]), clamp_unit(u[2])]
 }
 
-/// Components along x, y and z of a lobe of a direction sampled from it, by two uniform numbers.
+/// Samples a direction of a lobe with two uniform numbers; returns its components along the lobe's x, y and
+/// z.
 #[inline(always)]
 pub(in crate::ply) fn disc_point<const FMA: bool>(s1: f32, s2: f32, u1: f32, u2: f32) -> [f32; 3] {
     // tan t = sqrt(mu1/mu2) tan(2 pi u1), in the same quadrant.
@@ -167,7 +170,7 @@ mod tests {
     use super::*;
     use crate::ply::asg::{MU_MAX, MU_MIN};
 
-    /// The mean over s of 1 - exp(-1/b(s)) with many nodes.
+    /// The mean over s of 1 - exp(-1/b(s)), with many nodes.
     fn mean(mu1: f64, mu2: f64) -> f64 {
         let n = 2000;
         let node = |j: usize| {

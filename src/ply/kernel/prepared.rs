@@ -1,7 +1,7 @@
-//! Prepared lobes at one incidence, for many directions: factors that do not depend on the direction are
-//! multiplied out.
+//! Prepared lobes at one incidence, for many directions: the factors that do not depend on the direction are
+//! multiplied in advance.
 
-use super::absorption::leave;
+use super::absorption::attenuate;
 use super::energy::Rest;
 use super::grid_cell::mirrored;
 use super::lobe::{Axes, disc_point, disc_share, project, shape, unit};
@@ -9,22 +9,22 @@ use super::mixture::{Drawing, Mixture, Shapes};
 use crate::math::simd::{fma, halves, min};
 use crate::ply::asg::PARAMS;
 
-/// The running sums of the lobes' energies, by which a sample chooses one.
+/// The running sums of the lobes' energies, by which a sample chooses a lobe.
 #[derive(Clone, Copy, Debug)]
 pub(in crate::ply) struct Choice<const L: usize> {
-    /// Running sum of the mean energies; infinite in empty lanes.
+    /// Running sums of the mean energies; infinite in empty lanes.
     sums: [f32; L],
     sum: f32,
-    /// Scattered energy plus the missed light, and its reciprocal.
+    /// Scattered energy plus the missed light, and the reciprocal of that sum.
     total: f32,
     pub(in crate::ply) per_total: f32,
     r_d: f32,
-    /// Chance of missed light.
+    /// Probability of missed light.
     missed: f32,
 }
 
 impl<const L: usize> Choice<L> {
-    /// Of the first `count` lanes, whose energies times `mean` are the mean over the absorptions.
+    /// Sums over the first `count` lanes; the energies times `mean` are the means over the absorptions.
     #[inline(always)]
     pub(in crate::ply) fn new<const FMA: bool>(
         energy: &[f32; L],
@@ -42,39 +42,39 @@ impl<const L: usize> Choice<L> {
         Choice { sums, sum, total, per_total, r_d, missed: r_d * per_total }
     }
 
-    /// Joins f_refl and a density with the missed light.
+    /// Adds the missed light to f_refl and a density.
     #[inline(always)]
     pub(in crate::ply) fn rest(&self, refl: f32, pdf: f32) -> Rest {
         Rest { refl, pdf, r_d: self.r_d, missed: self.missed }
     }
 
-    /// The lane that the number `u` chooses; none for missed light.
+    /// The lane that the number `u` chooses; `None` for missed light.
     #[inline(always)]
     pub(in crate::ply) fn lane(&self, u: f32) -> Option<usize> {
-        let left = u * self.total;
-        if left >= self.total - self.r_d || self.sum <= 0.0 {
+        let target = u * self.total;
+        if target >= self.total - self.r_d || self.sum <= 0.0 {
             return None;
         }
-        // As in `Mixture::choose`.
-        let left = min(left, self.sum * (1.0 - f32::EPSILON));
+        // Clamped as in `Mixture::choose`.
+        let target = min(target, self.sum * (1.0 - f32::EPSILON));
         let mut passed = 0u32;
         for x in self.sums {
-            passed += u32::from(x <= left);
+            passed += u32::from(x <= target);
         }
         Some(passed as usize & (L - 1))
     }
 }
 
-/// Lobes in L lanes, H high-order ones first, then those of f_refl.
+/// Lobes in L lanes: H high-order ones first, then those of f_refl.
 #[derive(Clone, Copy, Debug)]
 pub(in crate::ply) struct PreparedLobes<const H: usize, const L: usize> {
     /// Sines and cosines of the angles.
     axes: [[f32; L]; PARAMS],
     s1: [f32; L],
     s2: [f32; L],
-    /// Amplitude of f_refl, scaled to the simulated energy; that of f_high, before absorption.
+    /// Amplitudes: of f_refl scaled to the simulated energy, of f_high before absorption.
     amplitude: [f32; L],
-    /// Mean energy times sqrt(mu1 mu2)/pi, over the total energy.
+    /// Mean energy times sqrt(mu1 mu2) / pi, divided by the total energy.
     density: [f32; L],
     choice: Choice<L>,
     flip: bool,
@@ -108,12 +108,12 @@ impl<const H: usize, const L: usize> PreparedLobes<H, L> {
         prepared
     }
 
-    /// Values in a direction, those of f_high per absorption in `high`; without `PDF` the density is 0.
-    /// `left` is what absorptions leave of lobes, `[lobe][absorption]`.
+    /// Values in a direction; f_high for each absorption is written to `high`. The density is 0 unless `PDF`.
+    /// `transmittance` is `[lobe][absorption]`, flat.
     #[inline(always)]
     pub(in crate::ply) fn eval<const FMA: bool, const PDF: bool>(
         &self,
-        left: &[f32],
+        transmittance: &[f32],
         wo: [f32; 3],
         high: &mut [f32],
     ) -> Rest {
@@ -131,7 +131,7 @@ impl<const H: usize, const L: usize> PreparedLobes<H, L> {
                 density[i] = shape * self.density[i] / disc_share::<FMA>(a);
             }
         }
-        leave::<FMA, H>(value.first_chunk().unwrap_or(&[0.0; H]), left, high);
+        attenuate::<FMA, H>(value.first_chunk().unwrap_or(&[0.0; H]), transmittance, high);
         let mut refl = 0.0;
         for i in H..L {
             refl += value[i];
@@ -142,7 +142,7 @@ impl<const H: usize, const L: usize> PreparedLobes<H, L> {
     #[inline(always)]
     pub(in crate::ply) fn sample<const FMA: bool>(
         &self,
-        left: &[f32],
+        transmittance: &[f32],
         u: [f32; 3],
         high: &mut [f32],
     ) -> (Option<[f32; 3]>, Rest) {
@@ -153,7 +153,7 @@ impl<const H: usize, const L: usize> PreparedLobes<H, L> {
         };
         let disc = disc_point::<FMA>(self.s1[i], self.s2[i], u[1], u[2]);
         let wo = mirrored(self.flip, self.axes(i).direction(disc));
-        (Some(wo), self.eval::<FMA, true>(left, wo, high))
+        (Some(wo), self.eval::<FMA, true>(transmittance, wo, high))
     }
 
     #[inline(always)]

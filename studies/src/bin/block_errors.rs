@@ -2,8 +2,9 @@
 //!
 //! `cargo run --release -p plywave-studies --bin block_errors -- A.pwt B.pwt 8 12 16`
 
-use plywave::table::Table;
+use plywave::Document;
 use plywave_fit::{FitOptions, errors, fit};
+use plywave_tables::table::Table;
 use std::time::Instant;
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {

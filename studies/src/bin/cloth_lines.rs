@@ -2,8 +2,9 @@
 //!
 //! `cargo run --release -p plywave-studies --bin cloth_lines -- fabrics/cloths/*.toml`
 
-use plywave::cloth::{ClothLines, ClothSpec, LineHits};
+use plywave::cloth::{ClothLines, LineHits};
 use plywave_sim::cloth::{Effort, make_cloth};
+use plywave_textile::ClothSpec;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 use std::f32::consts::TAU;
@@ -18,7 +19,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             let hint = "curves and drafts in files are not read here".into();
             Err(plywave::Error::Format { file: name.into(), what: "it is not read".into(), hint })
         };
-        let made = make_cloth(&spec, &file, &mut read, Effort::Full, &|| true)?;
+        let made = make_cloth(&spec, &file, &mut read, Effort::Full, &|_| true)?;
         let begun = Instant::now();
         let lines = ClothLines::new(&made.curves)?;
         let ready = begun.elapsed();

@@ -5,11 +5,13 @@
 //! A twin that is no file is left out. The variable BESIDE names another twin, of another seed, that the
 //! first one is held to.
 
+use plywave::Document;
 use plywave::bsdf::Bsdf;
-use plywave::cloth::{ClothData, ClothModel, ClothOptions, ClothSpec};
-use plywave::twin::{ClothTwin, ComparisonOptions, compare};
+use plywave::cloth::{ClothData, ClothModel, ClothOptions};
 use plywave::{ClothQuery, PlyModel};
-use plywave_sim::cloth::{Effort, make_cloth, make_ready};
+use plywave_sim::cloth::{Effort, make_cloth, precompute};
+use plywave_tables::twin::{ClothTwin, ComparisonOptions, compare};
+use plywave_textile::ClothSpec;
 use rayon::prelude::*;
 use std::f32::consts::TAU;
 use std::sync::Arc;
@@ -28,13 +30,13 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         println!("{what}: {:.1} ms", 1e3 * begun.elapsed().as_secs_f64());
         begun = Instant::now();
     };
-    let made = make_cloth(&spec, file, &mut read, Effort::Full, &|| true)?;
+    let made = make_cloth(&spec, file, &mut read, Effort::Full, &|_| true)?;
     told("curves");
     let models: Vec<Arc<PlyModel>> =
         models.iter().map(|m| Ok(Arc::new(PlyModel::load(m)?))).collect::<plywave::Result<_>>()?;
     let options = ClothOptions { sigma_per_um: Some(0.0), ..ClothOptions::RAYS };
     let text = std::fs::read_to_string(file)?;
-    let data = make_ready(&text, &spec.name, &made.curves, &models, Effort::Near, &|_| true)?;
+    let data = precompute(&spec, &text, &made.curves, &models, Effort::Near, &|_| true)?;
     told("cloth");
     let bytes = data.to_bytes()?;
     told("written");

@@ -6,7 +6,6 @@
 //! `cargo run --release -p plywave-studies --bin exits_along -- [paths a latitude] [fabrics/NAME.toml ..]`
 
 use nalgebra::Vector3;
-use plywave::spec::YarnSpec;
 use plywave_sim::{PathEnd, PlySection, ScrewTracer, Surfaces, Tracer, trace_path_among};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
@@ -52,7 +51,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     }
     println!("latitude [degrees], absorption [1/um], sector: places along the ply over R at the shares {QUANTILES:?}");
     for path in yarns {
-        let (spec, _) = YarnSpec::load(&path)?;
+        let (spec, _) = plywave_textile::load_yarn_file(&path)?;
         let surfaces = Surfaces::of_spec(&spec);
         let sections = (0..INSTANCES).map(|seed| PlySection::generate(&spec, seed)).collect::<Result<Vec<_>, _>>()?;
         let tracers: Vec<ScrewTracer> =

@@ -2,13 +2,15 @@
 //! `cargo run --release -p plywave-studies --bin filaments [FOLDER]`; with a folder, curves as CSV too.
 //! docs/explain/filaments.md has the results.
 
-use plywave::fiber::opaque::{lambertian, lambertian_by_zinke};
-use plywave::fiber::{
-    KajiyaKayFiber, KajiyaKayParameters, Metal, Mirror, OpaqueFiber, OpaqueParameters, RoughDielectricFiber,
+use plywave::Bsdf;
+use plywave::frame::direction;
+use plywave::optics::Metal;
+use plywave_fiber::opaque::{lambertian, lambertian_by_zinke};
+use plywave_fiber::{FiberModel, FiberQuery};
+use plywave_fiber::{
+    KajiyaKayFiber, KajiyaKayParameters, Mirror, OpaqueFiber, OpaqueParameters, RoughDielectricFiber,
     RoughDielectricParameters,
 };
-use plywave::frame::direction;
-use plywave::{Bsdf, FiberModel, FiberQuery};
 use std::f32::consts::PI;
 use std::hint::black_box;
 use std::path::PathBuf;
@@ -200,8 +202,9 @@ fn main() -> Result<()> {
         // Behind TRT's own latitude R and TT are weak: shifts apart.
         let brightest =
             |at: &dyn Fn(f32) -> f32| (0..70).map(|k| k as f32).max_by(|p, q| at(*p).total_cmp(&at(*q))).unwrap_or(0.0);
-        let f =
-            |at: &plywave::FiberBsdf<'_, 3>, degrees: f32| at.eval(direction(0.25, phi_i + degrees.to_radians()))[1];
+        let f = |at: &plywave_fiber::FiberBsdf<'_, 3>, degrees: f32| {
+            at.eval(direction(0.25, phi_i + degrees.to_radians()))[1]
+        };
         println!(
             "  turned by {turn:>2} degrees: {:>2.0} degrees, circle {:>2.0}",
             brightest(&|d| f(&a, d)),

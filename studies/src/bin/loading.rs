@@ -5,11 +5,12 @@
 //! `cargo run --release -p plywave-studies --bin loading [far] [CLOTH.toml ..]`, by default the shipped
 //! cloths of which the models ship. Models are read from beside the specs of the plies.
 
-use plywave::PlyModel;
-use plywave::cloth::{ClothData, ClothModel, ClothOptions, ClothSpec, Values};
-use plywave_sim::cloth::{Effort, make_cloth, make_ready};
+use plywave::Document;
+use plywave::cloth::{ClothData, ClothModel, ClothOptions, Values};
+use plywave_pipeline::{ClothRecipe, Run, model_library};
+use plywave_sim::cloth::{Effort, make_cloth, precompute};
+use plywave_textile::ClothSpec;
 use std::path::Path;
-use std::sync::Arc;
 use std::time::Instant;
 
 const CLOTHS: [&str; 5] = ["satin", "organza", "hopsack", "jersey", "rib"];
@@ -64,15 +65,11 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             let path = folder.join(file);
             std::fs::read(&path).map_err(|source| plywave::Error::Io { file: path.display().to_string(), source })
         };
-        let (made, curves) = timed(|| make_cloth(&spec, &name, &mut read, Effort::Full, &|| true));
+        let (made, curves) = timed(|| make_cloth(&spec, &name, &mut read, Effort::Full, &|_| true));
         let made = made?;
-        let models = spec.yarns().into_iter().map(|yarn| {
-            let model = yarn.model.as_ref().ok_or(format!("{name}: a yarn without model"))?;
-            Ok(Arc::new(PlyModel::load(folder.join(model).with_extension("pwm"))?))
-        });
-        let models = models.collect::<Result<Vec<_>, Box<dyn std::error::Error>>>()?;
+        let models = ClothRecipe::load(path)?.plies(&model_library())?.build(&Run::plain())?.models;
         let effort = if far { Effort::Full } else { Effort::Near };
-        let (data, making) = timed(|| make_ready(&text, &spec.name, &made.curves, &models, effort, &|_| true));
+        let (data, making) = timed(|| precompute(&spec, &text, &made.curves, &models, effort, &|_| true));
         let bytes = data?.to_bytes()?;
         let (data, reading) = timed(|| ClothData::from_bytes(&bytes, &name));
         let options = ClothOptions { far, ..ClothOptions::default() };

@@ -2,9 +2,10 @@
 //! `cargo run --release -p plywave-studies --bin lobe_families -- TABLE OTHER [preview|standard]
 //! [round|cone]`
 
+use plywave::Document;
 use plywave::ply::LobeKind;
-use plywave::table::Table;
 use plywave_fit::{FitOptions, errors, fit};
+use plywave_tables::table::Table;
 use std::time::Instant;
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {

@@ -2,14 +2,14 @@
 //! `cargo run --release -p plywave-studies --bin packing -- fabrics/[!C]*.toml`.
 //!
 
-use plywave::spec::{Packing, YarnSpec};
+use plywave::spec::Packing;
 use plywave_sim::PlySection;
 use std::time::Instant;
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     for file in std::env::args().skip(1) {
         for packing in [Packing::Falling, Packing::Lined] {
-            let (mut spec, _) = YarnSpec::load(&file)?;
+            let (mut spec, _) = plywave_textile::load_yarn_file(&file)?;
             spec.ply.packing = packing;
             let radius = spec.ply_radii_um()[0];
             let started = Instant::now();

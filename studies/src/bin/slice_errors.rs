@@ -3,8 +3,9 @@
 //! `cargo run --release -p plywave-studies --bin slice_errors -- A.pwt B.pwt [lobes of f_high] [reference]`;
 //! the last word selects the reference fit's starts and iterations.
 
-use plywave::table::Table;
+use plywave::Document;
 use plywave_fit::{FitOptions, Part, fit_single_slices};
+use plywave_tables::table::Table;
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let args: Vec<String> = std::env::args().skip(1).collect();

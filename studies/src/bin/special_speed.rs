@@ -2,8 +2,8 @@
 //!
 //! `cargo run --release -p plywave-studies --bin special_speed`
 
-use plywave_sim::wave::C64;
-use plywave_sim::wave::special::{Ray, Sequence, cylinder01, hankel01, real01};
+use plywave_wave::C64;
+use plywave_wave::special::{Ray, Sequence, cylinder01, hankel01, real01};
 use std::hint::black_box;
 use std::time::Instant;
 

@@ -3,13 +3,14 @@
 //! `cargo run --release -p plywave-studies --bin throughput
 //! -- [fabrics/NAME.toml] [threads] [preset] [paths per theta] [seed] [out.pwt]`
 
-use plywave::spec::YarnSpec;
-use plywave_sim::{Run, SimOptions, simulate};
+use plywave::Document;
+use plywave_runs::Run;
+use plywave_sim::{SimOptions, simulate};
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let args: Vec<String> = std::env::args().skip(1).collect();
     let get = |i: usize| args.get(i).map(String::as_str);
-    let (spec, text) = YarnSpec::load(get(0).unwrap_or("fabrics/polyester.toml"))?;
+    let (spec, text) = plywave_textile::load_yarn_file(get(0).unwrap_or("fabrics/polyester.toml"))?;
     let threads = get(1).map_or(Ok(1), str::parse)?;
     let mut options = SimOptions::preset(get(2).unwrap_or("preview")).ok_or("unknown preset")?;
     options.paths_per_theta = get(3).map_or(Ok(200_000), str::parse)?;

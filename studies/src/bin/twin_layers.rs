@@ -5,7 +5,7 @@
 
 use plywave::cloth::{ClothCurves, ClothYarn, Lattice, PlyCurve};
 use plywave::spec::POLYESTER;
-use plywave_sim::Run;
+use plywave_runs::Run;
 use plywave_sim::twin::{TwinCurves, TwinJob, TwinMesh, TwinOptions, direction};
 use std::time::Instant;
 
@@ -48,7 +48,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let begun = Instant::now();
     println!("{:?} in {:?}", job.size()?, begun.elapsed());
     let begun = Instant::now();
-    let twin = plywave_sim::runs::run(&job, Run::plain())?;
+    let twin = plywave_runs::run(&job, Run::plain())?;
     println!("{:?}", begun.elapsed());
     for view in 0..twin.view_count() {
         println!(

@@ -5,12 +5,12 @@
 //! `cargo run --release -p plywave-studies --bin xia` prints the numbers of circles; `-- ellipses` prints
 //! those of ellipses, which take minutes; `-- maps FOLDER` writes the maps as PNG.
 
-use plywave::fiber::{DielectricFiber, DielectricParameters};
+use plywave::Bsdf;
 use plywave::frame::direction;
-use plywave::spec::YarnSpec;
-use plywave::{Bsdf, FiberModel, FiberQuery};
-use plywave_sim::wave::special::bessel01;
-use plywave_sim::wave::{
+use plywave_fiber::{DielectricFiber, DielectricParameters};
+use plywave_fiber::{FiberModel, FiberQuery};
+use plywave_wave::special::bessel01;
+use plywave_wave::{
     Absorption, Body, C64, MieSolver, MultipoleSolver, NystromSolver, Polarization, Scattered, Shape, SingleFiber,
     Source, Wave, WaveError, WaveSolver,
 };
@@ -303,7 +303,7 @@ fn map(fiber: &SingleFiber, lambdas: usize, size: usize) -> Result<Vec<[f64; 3]>
 
 fn maps(folder: &Path) -> Result<(), Box<dyn Error>> {
     let of = |body: Body| SingleFiber::of_body(&body);
-    let (silk, _) = YarnSpec::load("fabrics/silk.toml")?;
+    let (silk, _) = plywave_textile::load_yarn_file("fabrics/silk.toml")?;
     let list = [
         ("circle_1", of(circle(1.0)), 60),
         ("circle_10", of(circle(10.0)), 120),

@@ -10,10 +10,11 @@
 //! ply's table unchanged, light leaving plies evenly over their width, light leaving by the table's exit
 //! positions.
 
+use plywave::Document;
 use plywave::spec::YarnSpec;
-use plywave::table::Table;
 use plywave_fit::{TableDistance, table_distance};
 use plywave_sim::yarn::{YarnOptions, yarn_table};
+use plywave_tables::table::Table;
 use std::time::Instant;
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {

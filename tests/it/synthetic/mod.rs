@@ -3,7 +3,7 @@
 
 use plywave::ply::asg::PARAMS;
 use plywave::ply::{LobeKind, PlyData, PlyEnergies, spline_coefficients};
-use plywave::table::{ExitPositions, OutgoingGrid, Table};
+use plywave_tables::table::{ExitPositions, OutgoingGrid, Table};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 

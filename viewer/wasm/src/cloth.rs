@@ -1,12 +1,14 @@
-//! Models of cloths.
+//! Cloth models in a browser.
 
 use crate::{failed, sphere};
-use plywave::cloth::{ClothData, ClothOptions, ClothSpec, ColorOf, YarnColor};
+use plywave::Document;
+use plywave::cloth::{ClothData, ClothOptions, ColorOf, YarnColor};
 use plywave::{Bsdf, ClothModel, ClothQuery};
+use plywave_textile::ClothSpec;
 use std::rc::Rc;
 use wasm_bindgen::prelude::{JsError, wasm_bindgen};
 
-/// Footprint that gets the mean over the cell [um].
+/// A footprint that selects the mean over the cell [um].
 const FAR_UM: f32 = 1e6;
 
 /// A cloth.
@@ -19,8 +21,8 @@ pub struct Cloth {
 
 #[wasm_bindgen]
 impl Cloth {
-    /// A cloth from the bytes of its file (`.pwc`), speckle and the mean over the cell included; `file` names
-    /// it in errors.
+    /// Loads a cloth from the bytes of its file (`.pwc`), with speckle and the mean over the cell; `file`
+    /// names it in errors.
     ///
     /// # Errors
     /// A foreign, damaged or newer file.
@@ -33,32 +35,32 @@ impl Cloth {
         Ok(Cloth { model, name, notes })
     }
 
-    /// Its name.
+    /// Name of the cloth.
     #[wasm_bindgen(getter)]
     pub fn name(&self) -> String {
         self.name.clone()
     }
 
-    /// What it lacks, a sentence each.
+    /// Missing effects, one sentence each.
     #[wasm_bindgen(getter)]
     pub fn notes(&self) -> Vec<String> {
         self.notes.clone()
     }
 
-    /// Number of kinds of yarns: 2, warp and weft, of a woven cloth, else 1.
+    /// Number of kinds of yarns: 2, warp and weft, for a woven cloth, else 1.
     #[wasm_bindgen(getter)]
     pub fn kinds(&self) -> usize {
         self.model.kinds()
     }
 
-    /// Two vectors after which it repeats [um]: x and y of each.
+    /// Two vectors after which the cloth repeats [um]: x and y of each.
     #[wasm_bindgen(getter, js_name = cellUm)]
     pub fn cell_um(&self) -> Vec<f64> {
         self.model.cell_um().concat()
     }
 
-    /// Colors of its yarns, each once: sRGB, 0 to 1, three numbers each; none of yarns that have an
-    /// absorption instead.
+    /// The distinct colors of its yarns in sRGB, 0 to 1, three numbers each; yarns with an absorption in
+    /// place of a color are omitted.
     pub fn colors(&self) -> Vec<f32> {
         self.model.colors().iter().flat_map(|reach| reach.asked).collect()
     }

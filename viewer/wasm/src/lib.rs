@@ -1,9 +1,9 @@
-//! plywave in a browser: models of plies and cloths from the bytes of their files, and pictures of cloths
-//! that grow by passes.
+//! plywave in a browser: ply and cloth models from the bytes of their files, and progressive pictures of
+//! cloths.
 //!
-//! `wasm-bindgen` makes classes and types of what is public (`viewer/README.md`). Errors are JavaScript
-//! errors whose message is a sentence for the user. An instance has one thread; several of them, each in a
-//! worker of its own, share a picture by tiles ([`Picture`]).
+//! `wasm-bindgen` generates classes and types for the public items (`viewer/README.md`). Errors are
+//! JavaScript errors whose message is a sentence for the user. An instance has one thread; several instances,
+//! each in a worker of its own, share a picture by tiles ([`Picture`]).
 
 mod cloth;
 mod picture;
@@ -23,10 +23,10 @@ pub fn version() -> String {
     env!("CARGO_PKG_VERSION").to_string()
 }
 
-/// What a file is, by its first bytes: `ply`, `cloth`, `table`, or nothing of plywave's.
+/// Kind of a file according to its first bytes: `ply`, `cloth`, `table`, or `undefined` for other files.
 #[wasm_bindgen(js_name = kindOf)]
 pub fn kind_of(bytes: &[u8]) -> Option<String> {
-    // A header in JSON follows its length in 8 bytes (docs/reference/format).
+    // The JSON header follows its length, which takes 8 bytes (docs/reference/format).
     let length = u64::from_le_bytes(*bytes.first_chunk::<8>()?);
     let header = bytes.get(8..8usize.checked_add(usize::try_from(length).ok()?)?)?;
     let has = |word: &str| header.windows(word.len()).any(|w| w == word.as_bytes());
@@ -38,16 +38,16 @@ pub fn kind_of(bytes: &[u8]) -> Option<String> {
     }
 }
 
-/// Most characters of an error.
+/// Largest number of characters of an error.
 const LONGEST: usize = 300;
 
-/// An error for JavaScript, in one line.
+/// A JavaScript error with a message of one line.
 fn failed(error: impl std::fmt::Display) -> wasm_bindgen::JsError {
     wasm_bindgen::JsError::new(&plywave::one_line(&error.to_string(), LONGEST))
 }
 
-/// Directions of a map of the sphere, rows of equal colatitude from the pole z on, each at the middle of its
-/// cell: their number is `rows * columns`.
+/// Directions of a map of the sphere: rows of equal colatitude from the pole z, each direction at the center
+/// of its cell; their number is `rows * columns`.
 fn sphere(rows: usize, columns: usize) -> Vec<[f32; 3]> {
     let mut directions = Vec::with_capacity(rows * columns);
     for row in 0..rows {

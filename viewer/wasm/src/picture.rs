@@ -1,4 +1,4 @@
-//! Pictures of cloths.
+//! Progressive pictures of cloths.
 
 use crate::{Cloth, failed};
 use glam::Vec3;
@@ -13,8 +13,8 @@ const LARGEST_PASS: u32 = 16;
 /// Largest width and height.
 const MAX_SIDE: u32 = 4096;
 
-/// A picture of a cloth in a scene of `plywave render`, path traced by passes, or one of several parts of it:
-/// parts are summed pixel by pixel.
+/// A picture of a cloth in a scene of `plywave render`, path traced in passes, or one of several parts of it;
+/// the parts add up pixel by pixel.
 #[wasm_bindgen]
 pub struct Picture {
     cloth: Rc<ClothModel>,
@@ -67,14 +67,14 @@ impl Picture {
         Ok(Picture { cloth: Rc::clone(&cloth.model), scene, camera, film, seed: seed.into() })
     }
 
-    /// Another cloth in the same scene, from the first sample on.
+    /// Replaces the cloth in the same scene and restarts at the first sample.
     #[wasm_bindgen(js_name = setCloth)]
     pub fn set_cloth(&mut self, cloth: &Cloth) {
         self.cloth = Rc::clone(&cloth.model);
         self.film.clear();
     }
 
-    /// Looks from a point at another [mm], z up, from the first sample on.
+    /// Moves the camera to a point that looks at another [mm], with z up, and restarts at the first sample.
     ///
     /// # Errors
     /// Points that coincide or are not three numbers.
@@ -92,20 +92,20 @@ impl Picture {
         Ok(())
     }
 
-    /// Where the camera is and what it looks at [mm]: three numbers each.
+    /// Position of the camera and its target [mm]: three numbers each.
     pub fn view(&self) -> Vec<f32> {
         let view = self.camera.view();
         [view.from.to_array(), view.to.to_array()].concat()
     }
 
-    /// Adds a pass of at most `most` samples to each pixel; for 16, the passes are those of `plywave render`.
-    /// Returns the samples of each pixel.
+    /// Adds a pass of at most `max` samples to each pixel; for 16, the passes are those of `plywave render`.
+    /// Returns the number of samples of each pixel.
     ///
     /// # Errors
-    /// Never; a pass in a worker is not interrupted.
-    pub fn pass(&mut self, most: u32) -> Result<u32, JsError> {
+    /// An interrupted pass, which cannot occur in a worker.
+    pub fn pass(&mut self, max: u32) -> Result<u32, JsError> {
         let done = self.film.samples();
-        let samples = done + (done / 2).clamp(1, most.clamp(1, LARGEST_PASS));
+        let samples = done + (done / 2).clamp(1, max.clamp(1, LARGEST_PASS));
         let options = RenderOptions { samples, depth: MAX_SCATTERINGS, seed: self.seed };
         let never = AtomicBool::new(false);
         render(&self.scene, &self.camera, &*self.cloth, &mut self.film, &options, &never, &mut |_| Ok(()))
@@ -113,13 +113,13 @@ impl Picture {
         Ok(samples)
     }
 
-    /// Samples of each pixel.
+    /// Number of samples of each pixel.
     #[wasm_bindgen(getter)]
     pub fn samples(&self) -> u32 {
         self.film.samples()
     }
 
-    /// Linear sRGB, three numbers a pixel, row by row from above; 0 where a pixel is of another part.
+    /// Linear sRGB, three numbers per pixel, row by row from the top; 0 for a pixel of another part.
     pub fn linear(&self) -> Vec<f32> {
         let mut out = Vec::with_capacity(3 * self.film.width() as usize * self.film.height() as usize);
         for y in 0..self.film.height() {

@@ -1,4 +1,4 @@
-//! Models of plies.
+//! Ply models in a browser.
 
 use crate::{Traced, failed, sphere};
 use plywave::spec::YarnSpec;
@@ -17,7 +17,7 @@ pub struct Ply {
 
 #[wasm_bindgen]
 impl Ply {
-    /// A model from the bytes of its file (`.pwm`); `file` names it in errors.
+    /// Loads a model from the bytes of its file (`.pwm`); `file` names it in errors.
     ///
     /// # Errors
     /// A foreign, damaged or newer file, and one whose offsets end inside the ply.
@@ -25,7 +25,7 @@ impl Ply {
     pub fn new(bytes: &[u8], file: &str) -> Result<Ply, JsError> {
         let model = PlyModel::from_bytes(bytes, file).map_err(failed)?;
         let spec = YarnSpec::parse(&model.data().spec_text, "model").map_err(failed)?;
-        // The last offset is R + d_cut.
+        // The largest offset is R + d_cut.
         let last_um = model.data().h_um.last().copied().unwrap_or(0.0);
         let radius_um = last_um - spec.beam.beam().d_cut_um;
         if radius_um <= 0.0 {
@@ -35,13 +35,13 @@ impl Ply {
         Ok(Ply { model, name: spec.name, radius_um, directions: (0, 0, Vec::new()) })
     }
 
-    /// Name of its yarn.
+    /// Name of the model's yarn.
     #[wasm_bindgen(getter)]
     pub fn name(&self) -> String {
         self.name.clone()
     }
 
-    /// Whether a table is of the same yarn spec.
+    /// Whether a table belongs to the same yarn spec.
     #[wasm_bindgen(js_name = isOf)]
     pub fn is_of(&self, traced: &Traced) -> bool {
         self.model.data().spec_text == traced.table.spec_text
@@ -53,7 +53,7 @@ impl Ply {
         self.radius_um
     }
 
-    /// Largest offset at which a beam still hits the ply [um]: beyond R, since beams have a width.
+    /// Largest offset at which a beam still hits the ply [um]; it exceeds R because beams have a width.
     #[wasm_bindgen(getter, js_name = hMaxUm)]
     pub fn h_max_um(&self) -> f64 {
         self.model.data().h_um.last().copied().unwrap_or(0.0)
@@ -65,7 +65,7 @@ impl Ply {
         self.model.data().theta_i.last().copied().unwrap_or(0.0)
     }
 
-    /// Whether the light that passes beside it is diffracted.
+    /// Whether light that passes beside the ply is diffracted.
     #[wasm_bindgen(getter, js_name = hasEdge)]
     pub fn has_edge(&self) -> bool {
         self.model.has_edge()
@@ -78,7 +78,7 @@ impl Ply {
         w.as_chunks().0.iter().map(|w| at.eval(*w)[0]).collect()
     }
 
-    /// As [`Ply::eval`], over the sphere: `rows` of equal angle to the axis, from its positive end on, of
+    /// [`Ply::eval`] over the sphere: `rows` of equal angle to the axis, from its positive end, with
     /// `columns` azimuths each from x towards y.
     pub fn map(
         &mut self,
@@ -100,8 +100,8 @@ impl Ply {
         f.into_iter().flatten().collect()
     }
 
-    /// Shares of a beam's light: only reflected (f_refl), scattered otherwise (f_high), passed beside all
-    /// fibers (r_d).
+    /// Fractions of a beam's light: single reflection (f_refl), other scattering (f_high), and light that
+    /// misses all fibers (r_d).
     pub fn energies(&self, theta_i: f32, h_um: f32, sigma_per_um: f32) -> Vec<f32> {
         let at = |sigma: f32| self.model.at(&PlyQuery::lobes(theta_i, h_um, [sigma]));
         let passed = at(sigma_per_um).r_d();

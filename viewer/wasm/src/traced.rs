@@ -1,10 +1,11 @@
-//! The table that a ply's model was fitted to.
+//! The simulated table to which a ply's model was fitted.
 
 use crate::failed;
-use plywave::table::Table;
+use plywave::Document;
+use plywave_tables::table::Table;
 use wasm_bindgen::prelude::{JsError, wasm_bindgen};
 
-/// A table of paths traced through a ply's fibers (`plywave simulate`), to lay beside the model.
+/// A table of paths traced through a ply's fibers (`plywave simulate`), for comparison with the model.
 #[wasm_bindgen]
 pub struct Traced {
     pub(crate) table: Table,
@@ -17,7 +18,7 @@ fn nearest(nodes: &[f64], value: f64) -> usize {
 
 #[wasm_bindgen]
 impl Traced {
-    /// A table from the bytes of its file (`.pwt`); `file` names it in errors.
+    /// Loads a table from the bytes of its file (`.pwt`); `file` names it in errors.
     ///
     /// # Errors
     /// A foreign, damaged or newer file.
@@ -26,14 +27,14 @@ impl Traced {
         Ok(Traced { table: Table::from_bytes(bytes, file).map_err(failed)? })
     }
 
-    /// The incidence of the table that is nearest to a latitude [rad], an offset [um] and an absorption
-    /// [1/um]: the same three. Latitudes of tables are not negative.
+    /// The incidence of the table nearest to a latitude [rad], an offset [um] and an absorption [1/um], as
+    /// the same three numbers. Latitudes of tables are not negative.
     pub fn nearest(&self, theta_i: f64, h_um: f64, sigma_per_um: f64) -> Vec<f64> {
         let [m, n, k] = self.indices(theta_i, h_um, sigma_per_um);
         vec![self.table.theta_i[m], self.table.h_um[n], self.table.sigma_per_um[k]]
     }
 
-    /// Latitude [rad] of the middle of the row of bins that has this latitude.
+    /// Latitude [rad] at the center of the row of bins that contains this latitude.
     #[wasm_bindgen(js_name = latitudeNear)]
     pub fn latitude_near(&self, theta_o: f64) -> f64 {
         self.table.grid.theta(self.row_of(theta_o))

@@ -62,22 +62,18 @@ pub const CLOTH: &str = r#"name = "open cotton"
 
 [weave]
 kind = "plain"
+ends_per_cm = 20
+picks_per_cm = 20
 
 [warp]
 model = "models/cotton.pwm"
-count = { tex = 5.27 }
-density_g_per_cm3 = 1.52
+fiber = "cotton"
+count = "5.27 tex"
 packing = 0.5
-ends_per_cm = 20
-srgb = [0.88, 0.88, 0.86]
+color = [0.88, 0.88, 0.86]
 
 [weft]
-model = "models/cotton.pwm"
-count = { tex = 5.27 }
-density_g_per_cm3 = 1.52
-packing = 0.5
-picks_per_cm = 20
-srgb = [0.88, 0.88, 0.86]
+as = "warp"
 "#;
 
 /// Writes [`CLOTH`] as `cloth.toml`, its model and another beside it, and the cloth itself, woven once, as

@@ -1,4 +1,4 @@
-//! One minimization by basin's numerics, an iteration at a time.
+//! One minimization with the numerics of `basin`, an iteration at a time.
 
 use std::cell::Cell;
 
@@ -9,18 +9,18 @@ use basin::{
 };
 use serde::{Deserialize, Serialize};
 
-use super::{CostGradient, LbfgsbError, LbfgsbOptions, LbfgsbStop};
+use super::problem::{CostGradient, LbfgsbError, LbfgsbOptions, LbfgsbStop};
 
-/// Relative changes of cost or variables up to this are rounding.
+/// Relative changes of cost or variables up to this value count as rounding.
 const ROUNDING: f64 = 10.0 * f64::EPSILON;
 
-/// State of a minimization between two iterations: all that a checkpoint must hold.
+/// State of a minimization between two iterations: everything that a checkpoint needs.
 #[derive(Serialize, Deserialize)]
 pub(super) struct Run {
     pub(super) lower: Vec<f64>,
     pub(super) upper: Vec<f64>,
     numerics: basin::Lbfgsb<Vec<f64>, f64, SteppingBack>,
-    /// Point, cost, gradient; moved out during an iteration, and lost only when the objective fails in it.
+    /// Point, cost and gradient; moved out during an iteration, and lost only if the objective fails in it.
     progress: Option<FirstOrderState<Vec<f64>>>,
     pub(super) iterations: u64,
     pub(super) evaluations: u64,
@@ -28,7 +28,7 @@ pub(super) struct Run {
 }
 
 impl Run {
-    /// Checks the input, projects the start and evaluates there.
+    /// Checks the input, projects the start onto the bounds and evaluates it.
     pub(super) fn start<O: CostGradient + ?Sized>(
         objective: &O,
         x0: &[f64],
@@ -83,7 +83,7 @@ impl Run {
         self.progress.as_ref().and_then(FirstOrderState::current).ok_or(LbfgsbError::NoStart)
     }
 
-    /// One iteration; sets `stop` when it was the last.
+    /// Performs one iteration; sets `stop` if it was the last.
     pub(super) fn advance<O: CostGradient + ?Sized>(
         &mut self,
         objective: &O,
@@ -108,7 +108,7 @@ impl Run {
             Some(LbfgsbStop::Gradient)
         } else if rise > 0.0 || (completed && rise == 0.0 && !moved) {
             // A search that cannot narrow its interval further returns its last point, whose cost may exceed
-            // the first one's.
+            // that of the first.
             let restored = progress.replace(x_old, cost_old, gradient_old);
             restored.map_err(|error| LbfgsbError::Objective(argmin::core::Error::msg(error.to_string())))?;
             Some(if rise <= ROUNDING && moved {
@@ -136,9 +136,9 @@ pub(super) fn projected_gradient(x: &[f64], gradient: &[f64], lower: &[f64], upp
     components.fold(0.0, |norm, component| component.abs().max(norm))
 }
 
-/// An evaluation that `basin` must not use.
+/// An evaluation that is not passed to `basin`.
 enum Refusal {
-    /// Cost or gradient is not finite at `x`.
+    /// Cost or gradient is infinite or NaN at `x`.
     NotFinite { x: Vec<f64>, cost: f64 },
     /// The objective failed.
     Objective(argmin::core::Error),
@@ -214,9 +214,10 @@ impl<O: CostGradient + ?Sized> basin::Gradient for Boxed<'_, O> {
     }
 }
 
-/// Moré-Thuente search that starts over nearer to its origin when it reaches a point that is not finite.
+/// Moré-Thuente search that restarts nearer to its origin when it reaches a point where the cost is infinite
+/// or NaN.
 ///
-/// The search interpolates, so an infinity would spoil its bracket. Half the failed step becomes the new
+/// The search interpolates, so an infinity would spoil its bracket. Half of the failed step becomes the new
 /// bound, a quarter of it the new first trial.
 #[derive(Serialize, Deserialize)]
 struct SteppingBack(MoreThuente<f64>);

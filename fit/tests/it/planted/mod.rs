@@ -3,8 +3,8 @@
 #![allow(dead_code)]
 
 use plywave::ply::asg::Lobe;
-use plywave::table::{OutgoingGrid, Table};
 use plywave_fit::{PaddedSlice, Scratch, SphereGrid};
+use plywave_tables::table::{OutgoingGrid, Table};
 use rand::{Rng, RngExt, SeedableRng};
 use std::f64::consts::PI;
 

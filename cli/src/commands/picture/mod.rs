@@ -1,0 +1,6 @@
+//! Pictures, strands and exports.
+
+pub mod export;
+pub mod hairs;
+pub mod render;
+pub mod render_strands;

@@ -1,0 +1,120 @@
+//! Precomputation of the tables that shade a cloth, from the curves of its plies and the models of its yarns.
+//!
+//! Lines through the cloth give the table of shadows (`shadows`) and the layer of hairs (`hairs`). Paths from
+//! ply to ply (`paths`, `follow`) give inter-yarn scattering, as regressions over the incident direction
+//! (`inter_yarn`, `splines`, `regression`) and as cones (`cones`). The shaded cloth itself then gives its
+//! brightness over absorption (`brightness`) and its mean over the cell for distant cameras (`far_views`).
+
+mod brightness;
+mod cones;
+mod far_views;
+mod follow;
+mod hairs;
+mod inter_yarn;
+mod paths;
+mod regression;
+mod shadows;
+mod splines;
+
+use crate::error::SimError;
+use far_views::{far_data, far_view, view_count};
+use plywave::cloth::Brightness;
+use plywave::cloth::geometry::ClothPlies;
+use plywave::cloth::{ClothCurves, ClothData, ClothModel, ClothOptions, GapLight};
+use plywave::{Error, PlyModel};
+use plywave_textile::ClothSpec;
+use rayon::prelude::*;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+/// Progress of the precomputation of a cloth.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct ClothStep {
+    /// Name of the current stage, such as "shadows" or "mean over the cell".
+    pub what: &'static str,
+    /// Number of finished parts of the stage.
+    pub done: usize,
+    /// Number of all parts of the stage.
+    pub total: usize,
+}
+
+/// Callback that receives the progress after each part, from any thread. Its result `false` stops the work.
+pub type Progress<'a> = &'a (dyn Fn(ClothStep) -> bool + Sync);
+
+/// How much of a cloth is precomputed, and with how many samples.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Effort {
+    /// The stages of [`Effort::Near`] with 1/32 of the paths, for editors.
+    Draft,
+    /// All stages except the mean over the cell. Distant pixels are then shaded like those of a near camera.
+    Near,
+    /// All stages.
+    Full,
+}
+
+/// Precomputes a cloth from its curves: shadows, hairs, inter-yarn scattering and brightness and, with
+/// [`Effort::Full`], the mean over the cell for pixels that cover many yarns. `models` has one model for each
+/// kind of yarn. The result does not depend on the number of threads.
+///
+/// # Errors
+/// [`SimError::Stopped`] if `progress` returned `false`, [`Error::Invalid`] for models whose plies do not fit
+/// the curves, and the errors of [`plywave::cloth::ClothLines::new`].
+pub fn precompute(
+    spec: &ClothSpec,
+    spec_text: &str,
+    curves: &ClothCurves,
+    models: &[Arc<PlyModel>],
+    effort: Effort,
+    progress: Progress<'_>,
+) -> Result<ClothData, SimError> {
+    let models: Vec<Arc<PlyModel>> =
+        models.iter().map(|m| Ok(Arc::new(m.of_lines()?))).collect::<Result<_, Error>>()?;
+    let plies = ClothPlies::new(curves, &models)?;
+    let shadows = shadows::shadows(&plies, effort, progress)?;
+    let hairs = hairs::hair_layer(spec, curves, &plies, progress)?;
+    let paths = follow::ClothPaths { plies: &plies, shadows: &shadows, hairs: hairs.as_ref() };
+    let inter_yarn = inter_yarn::inter_yarn(&paths, effort, progress)?;
+    let mut data = ClothData {
+        spec_text: spec_text.into(),
+        name: spec.name.clone(),
+        program_version: env!("CARGO_PKG_VERSION").into(),
+        curves: curves.clone(),
+        models,
+        color_of: spec.color_of,
+        looks: spec.looks(),
+        shadows,
+        inter_yarn,
+        hairs,
+        brightness: Brightness::NONE,
+        far: None,
+    };
+    let shaded = |data: &ClothData, options: &ClothOptions| ClothModel::from_data(data.clone(), options);
+    let of_rays = shaded(&data, &ClothOptions::RAYS)?;
+    data.brightness = parts("brightness", 1, progress, |_| brightness::brightness(&of_rays))?.remove(0);
+    if effort == Effort::Full {
+        // The mean is that of the plies alone; the runtime adds the layer of hairs to it.
+        let bare = ClothData { hairs: None, ..data.clone() };
+        let cloth = shaded(&bare, &ClothOptions { gaps: GapLight::Diffracted, ..ClothOptions::RAYS })?;
+        let views = parts("mean over the cell", view_count(&cloth), progress, |view| far_view(&cloth, view))?;
+        data.far = Some(far_data(&cloth, &views));
+    }
+    Ok(data)
+}
+
+/// The results `of(0)` to `of(total - 1)` in order, evaluated in parallel, with a report after each.
+fn parts<T: Send>(
+    what: &'static str,
+    total: usize,
+    progress: Progress<'_>,
+    of: impl Fn(usize) -> T + Sync,
+) -> Result<Vec<T>, SimError> {
+    let report = |done: usize| if progress(ClothStep { what, done, total }) { Ok(()) } else { Err(SimError::Stopped) };
+    report(0)?;
+    let done = AtomicUsize::new(0);
+    let part = |i: usize| {
+        let found = of(i);
+        report(done.fetch_add(1, Ordering::Relaxed) + 1)?;
+        Ok(found)
+    };
+    (0..total).into_par_iter().map(part).collect()
+}

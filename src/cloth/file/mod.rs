@@ -1,0 +1,3 @@
+//! The binary file of a cloth.
+
+pub(crate) mod pwc;
