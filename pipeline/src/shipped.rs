@@ -5,7 +5,7 @@ use crate::error::Error;
 use plywave::io::ModelLibrary;
 pub use plywave_models::MODELS as SHIPPED_MODELS;
 use plywave_models::SPECS;
-use plywave_textile::{ClothSpec, WeaveSpec};
+use plywave_textile::{ClothSpec, KnitKind, WeaveSpec};
 
 /// [`ModelLibrary::usual`], extended by the shipped models.
 pub fn model_library() -> ModelLibrary {
@@ -117,7 +117,11 @@ pub(crate) fn files_of(spec: &ClothSpec) -> Vec<&str> {
         WeaveSpec::Picture(picture) => Some(picture.picture.as_str()),
         _ => None,
     });
-    wif.chain(spec.curves.iter().map(|curves| curves.file.as_str())).collect()
+    let chart = spec.knit.iter().filter_map(|knit| match &knit.kind {
+        KnitKind::Picture(picture) => Some(picture.picture.as_str()),
+        _ => None,
+    });
+    wif.chain(chart).chain(spec.curves.iter().map(|curves| curves.file.as_str())).collect()
 }
 
 #[cfg(test)]

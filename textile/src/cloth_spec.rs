@@ -1,6 +1,7 @@
 //! The cloth spec (TOML): a weave, a knit or curves from a file, and its yarns. `rules.rs` lists the keys
 //! with their ranges.
 
+use crate::knit::spec::KnitSpec;
 use crate::thermal::Thermal;
 use crate::weave::draft::{Draft, YarnSet};
 use crate::weave_spec::WeaveSpec;
@@ -45,28 +46,6 @@ pub enum ClothWeave<'a> {
     Knitted(&'a KnitSpec, &'a YarnOfCloth),
     /// Curves from a file, of one yarn, or of warp and weft.
     Curves(&'a SourceCurves, &'a YarnOfCloth, Option<&'a YarnOfCloth>),
-}
-
-/// Stitches of a knit.
-#[derive(Clone, Debug, PartialEq, Deserialize)]
-pub struct KnitSpec {
-    /// `jersey`, `rib`, `garter`, `seed`, `interlock`, `tricot` or `grid`.
-    pub kind: String,
-    /// Number of knit wales in a rib.
-    #[serde(default)]
-    pub knit: Option<usize>,
-    /// Number of purl wales in a rib.
-    #[serde(default)]
-    pub purl: Option<usize>,
-    /// Rows of a grid: K for knit and P for purl as seen on the face; the last row is the first course.
-    #[serde(default)]
-    pub rows: Option<Vec<String>>,
-    /// Wales per centimeter.
-    pub wales_per_cm: f64,
-    /// Courses per centimeter.
-    pub courses_per_cm: f64,
-    /// Length of yarn in a stitch [mm].
-    pub loop_mm: f64,
 }
 
 /// Curves from a file.

@@ -3,10 +3,11 @@
 //! A [`ClothSpec`] says which yarns cross how. Its yarns are written as on a label (`fiber = "cotton"`,
 //! `count = "Ne 40"`, `twist = "Z 1000/m"`); [`YarnOfCloth`] has what follows: strands, radii, numbers of
 //! fibers, and the spec of the ply model ([`YarnOfCloth::ply`]). [`Draft`] is the weave, from a name, rows,
-//! a picture ([`PictureWeave`]) or a weavers' file ([`Wif`]). `plywave_sim::cloth` computes the
-//! curves of a spec.
+//! a picture ([`PictureWeave`]) or a weavers' file ([`Wif`]); [`Chart`] has the stitches of a knit.
+//! `plywave_sim::cloth` computes the curves of a spec.
 
 mod cloth_spec;
+mod knit;
 mod picture;
 mod ply_file;
 mod rules;
@@ -16,7 +17,10 @@ mod weave_spec;
 mod words;
 mod yarn;
 
-pub use cloth_spec::{ClothSpec, ClothWeave, KnitSpec, SourceCurves};
+pub use cloth_spec::{ClothSpec, ClothWeave, SourceCurves};
+pub use knit::chart::{Chart, ChartError, MAX_CHART, MAX_HELD, Stitch};
+pub use knit::picture::PictureChart;
+pub use knit::spec::{KnitKind, KnitSpec};
 pub use picture::area::{AreaWeave, WovenUnit};
 pub use picture::pixels::{MAX_COLORS, Pixels};
 pub use picture::spec::{ColorWeaves, MAX_WEFTS, PictureDraft, PictureWeave};

@@ -1,6 +1,7 @@
 //! Rules of the cloth spec: its keys with their ranges, and relations between them.
 
 use crate::cloth_spec::ClothSpec;
+use crate::knit::spec::{KNITS, KnitSpec};
 use crate::weave_spec::{WEAVE, WeaveSpec};
 use crate::yarn::keys::YARN;
 use crate::yarn::old;
@@ -39,35 +40,6 @@ const THERMAL: &[Key] = &[
     optional("emissivity_back", KeyKind::Number(0.0, 1.0), "by fibers and openness"),
     optional("ir_transmittance", KeyKind::Number(0.0, 1.0), "light beside all fibers"),
     optional("permeability", KeyKind::Number(0.0, 1.0), "openness"),
-];
-const WALES: Key = required("wales_per_cm", KeyKind::Number(0.1, 200.0));
-const COURSES: Key = required("courses_per_cm", KeyKind::Number(0.1, 200.0));
-const LOOP: Key = required("loop_mm", KeyKind::Number(0.05, 200.0));
-const ROWS: Custom = Custom {
-    expected: "rows of one length of K (knit) and P (purl), such as [\"KP\", \"PK\"]",
-    check: |file, key, value| match value.as_array() {
-        Some(rows) if rows.iter().all(Value::is_str) => Ok(()),
-        _ => Err(invalid(file, key, value, "use rows of one length of K and P, such as [\"KP\", \"PK\"]")),
-    },
-};
-/// Keys of each `knit.kind`, in addition to `kind`.
-const KNITS: &[(&str, &[Key])] = &[
-    ("jersey", &[WALES, COURSES, LOOP]),
-    (
-        "rib",
-        &[
-            WALES,
-            COURSES,
-            LOOP,
-            optional("knit", KeyKind::Integer(1, 32), "1"),
-            optional("purl", KeyKind::Integer(1, 32), "1"),
-        ],
-    ),
-    ("garter", &[WALES, COURSES, LOOP]),
-    ("seed", &[WALES, COURSES, LOOP]),
-    ("interlock", &[WALES, COURSES, LOOP]),
-    ("tricot", &[WALES, COURSES, LOOP]),
-    ("grid", &[WALES, COURSES, LOOP, required("rows", KeyKind::Custom(ROWS))]),
 ];
 const CURVES: &[Key] = &[
     required("file", KeyKind::Text),
@@ -158,7 +130,7 @@ impl ClothSpec {
             color_of: typed(file, &root, "color_of")?.unwrap_or_default(),
             weave,
             per_cm,
-            knit: typed(file, &root, "knit")?,
+            knit: root.get("knit").and_then(Value::as_table).map(|knit| KnitSpec::read(file, knit)).transpose()?,
             curves: typed(file, &root, "curves")?,
             warp,
             weft,

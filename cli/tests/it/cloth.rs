@@ -138,7 +138,7 @@ fn straight_yarns_are_said_to_be_straight() {
 /// What cannot be made is refused in one line.
 #[test]
 fn bad_cloths_are_refused_in_one_line() {
-    let knit = JERSEY.replace("\"jersey\"\nwales", "\"grid\"\nrows = [\"KK\", \"K.\"]\nwales");
+    let knit = JERSEY.replace("\"jersey\"\nwales", "\"chart\"\nchart = [\"KM\", \"KT\"]\nwales");
     let folder = folder(&[
         ("plain.toml", plain(20.0)),
         ("close.toml", plain(60.0)),
@@ -151,7 +151,7 @@ fn bad_cloths_are_refused_in_one_line() {
     ]);
     let dir = folder.path();
     refused(dir, &["weave", "close.toml"], &["too thick", "ends and", "picks a cm go"]);
-    refused(dir, &["weave", "runs.toml"], &["the knit runs", "course 1", "course 2, wale 2"]);
+    refused(dir, &["weave", "runs.toml"], &["knit.chart", "the knit runs", "course 1, wale 2"]);
     refused(dir, &["weave", "units.toml"], &["warp.count = \"20 tex 30 Ne\"", "two units"]);
     refused(dir, &["weave", "old.toml"], &["warp.count", "count = \"20 tex\""]);
     refused(dir, &["weave", "skew.toml"], &["none.tg3"]);

@@ -5,7 +5,7 @@
 //! its spacings finds the densest one that fits, which the error then names.
 
 use super::files::{compare_counts, source_curves};
-use super::knitted;
+use super::knit::knitted;
 use super::measure::{ClothMeasures, measure};
 use super::precompute::Effort;
 use super::relax::{Chain, Elements, MAX_OVERLAP, Relaxed, relax};
@@ -13,7 +13,9 @@ use super::woven::{Start, max_nodes, woven};
 use crate::error::SimError;
 use plywave::Error;
 use plywave::cloth::{Buckets, ClothCurves, Lattice, PlyCurve, YarnColor, YarnLook};
-use plywave_textile::{ClothSpec, ClothWeave, Draft, NamedWeave, WeaveSpec, Wif, YarnOfCloth, YarnSet, check_floats};
+use plywave_textile::{
+    ClothSpec, ClothWeave, Draft, KnitKind, NamedWeave, WeaveSpec, Wif, YarnOfCloth, YarnSet, check_floats,
+};
 
 /// Maximum unbalanced force of a cloth at rest, over the mean tension of a strand.
 pub const MAX_FORCE: f64 = 0.05;
@@ -199,7 +201,11 @@ pub fn make_cloth(
             Err(invalid("weave.ends_per_cm", spec.per_cm[0].unwrap_or_default().to_string(), hint))
         }
         ClothWeave::Knitted(knit, yarn) => {
-            let start = knitted::knitted(knit, yarn).map_err(|(key, value, hint)| invalid(key, value, hint))?;
+            let read = match &knit.kind {
+                KnitKind::Picture(picture) => KnitKind::Chart(picture.chart(file, &read(&picture.picture)?)?),
+                other => other.clone(),
+            };
+            let start = knitted(knit, &read, yarn).map_err(|(key, value, hint)| invalid(key, value, hint))?;
             let (start, relaxed) = relaxed(start, spec.thickness_um, effort, go_on)?;
             check_overlap(&relaxed, yarn).map_err(|(value, hint)| invalid("yarn.count", value, hint))?;
             let made = finished(start, spec, Some(relaxed), notes)?;

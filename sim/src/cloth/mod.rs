@@ -1,6 +1,6 @@
 //! Construction of a cloth: from a spec to the curves of its plies, and to the tables that shade them.
 //!
-//! A draft (`woven`) or a grid of stitches (`knitted`) gives the starting curves. `relax` minimizes their
+//! A draft (`woven`) or a chart of stitches (`knit`) gives the starting curves. `relax` minimizes their
 //! energy, and [`measure`] computes what a weaver would measure. Curves of other programs are read from and
 //! written to files (`bcc`, `tg3`). [`precompute`](fn@precompute) finds shadows, inter-yarn scattering and
 //! the mean over the cell.
@@ -10,7 +10,6 @@ mod files;
 mod flat;
 mod hairs;
 mod knit;
-mod knitted;
 mod make;
 mod measure;
 mod precompute;

@@ -3,7 +3,7 @@
 //! The cell is the smallest that the draft allows: that of a five-end satin has one end and one pick, shifted
 //! from end to end, instead of five of each.
 
-use super::relax::{Chain, Elements, Hold, Section};
+use super::relax::{Chain, Elements, Hold, Section, Station};
 use plywave::cloth::{ClothYarn, Lattice};
 use plywave_textile::{Draft, YarnOfCloth};
 use std::f64::consts::{PI, TAU};
@@ -22,10 +22,10 @@ pub(super) fn max_nodes(yarns: &[&YarnOfCloth]) -> f64 {
 
 /// Coefficient of friction of yarn on yarn: chosen within the values that textbooks give for fibers on
 /// fibers, from 0.1 (wool along its scales) to 0.6 (against them).
-const FRICTION: f64 = 0.25;
+pub(super) const FRICTION: f64 = 0.25;
 /// Displacement at which a yarn slides, over its radius. Chosen: until then its fibers and those of the yarns
 /// that cross it shear.
-const SLIP: f64 = 0.5;
+pub(super) const SLIP: f64 = 0.5;
 
 /// Starting chains with the yarns that they belong to.
 pub(super) struct Start {
@@ -65,6 +65,11 @@ pub(super) fn element_um(yarn: &YarnOfCloth) -> f64 {
     ELEMENT[usize::from(yarn.bundles > 1)] * yarn.strand_radius_um()
 }
 
+/// Tension of a yarn; one of a given crimp has the usual one.
+pub(super) fn axis_tension(yarn: &YarnOfCloth) -> f64 {
+    if yarn.crimp_percent.is_some() { 1.0 } else { yarn.tension }
+}
+
 fn gcd(a: usize, b: usize) -> usize {
     if b == 0 { a } else { gcd(b, a % b) }
 }
@@ -97,7 +102,7 @@ pub(super) fn woven(draft: &Draft, yarns: [&YarnOfCloth; 2], spacing_um: [f64; 2
     let mut start = Start { elements, yarns: Vec::new(), of_chain: Vec::new(), twists: Vec::new() };
     let apart = yarns[0].radius_um() + yarns[1].radius_um();
     // The looser yarn bends more.
-    let tension = yarns.map(|yarn| if yarn.crimp_percent.is_some() { 1.0 } else { yarn.tension });
+    let tension = yarns.map(axis_tension);
     let share = tension[1] / (tension[0] + tension[1]);
     let amplitude = [apart * share, apart * (1.0 - share)];
     let (ends, picks) = (draft.ends() as i64, draft.picks() as i64);
@@ -143,17 +148,18 @@ impl Start {
         let line_um = across[0] * from[0] + across[1] * from[1];
         let slip_um = SLIP * spec.radius_um();
         let hold = (grip > 0.0).then_some(Hold { across, line_um, slip_um, force_per_um: grip });
-        self.add_along(spec, yarn, period_um, hold, axis);
+        self.add_along(spec, yarn, period_um, |_| [hold, None], axis);
     }
 
     /// Adds the strands of a yarn about an axis. `axis` returns the point and the unit vector across at `s`,
-    /// which grows by 1 over a period and may exceed it. `length_um` is the length of a period.
+    /// which grows by 1 over a period and may exceed it. `length_um` is the length of a period. `holds`
+    /// returns the friction at `s`.
     pub fn add_along(
         &mut self,
         spec: &YarnOfCloth,
         yarn: ClothYarn,
         length_um: f64,
-        hold: Option<Hold>,
+        holds: impl Fn(f64) -> [Option<Hold>; 2],
         axis: impl Fn(f64) -> ([f64; 3], [f64; 3]),
     ) {
         let radius_um = spec.strand_radius_um();
@@ -172,18 +178,18 @@ impl Start {
             let off = |i: usize| (places[i][0] - q[0]).hypot(places[i][1] - q[1]);
             (0..count).min_by(|a, b| off(*a).total_cmp(&off(*b))).unwrap_or(k)
         };
-        let tension = if spec.crimp_percent.is_some() { 1.0 } else { spec.tension } / count as f64;
+        let tension = axis_tension(spec) / count as f64;
         // `[strand]`: its chain, and its number of periods along that chain.
-        let mut of: Vec<Option<(usize, usize)>> = vec![None; count];
+        let mut of_strand: Vec<Option<(usize, usize)>> = vec![None; count];
         let index = self.yarns.len() as u32;
         for first in 0..count {
-            if of[first].is_some() {
+            if of_strand[first].is_some() {
                 continue;
             }
             let (chain, mut periods, mut strand) = (self.elements.chains.len(), 0, first);
             let mut points_um = Vec::new();
-            while of[strand].is_none() {
-                of[strand] = Some((chain, periods));
+            while of_strand[strand].is_none() {
+                of_strand[strand] = Some((chain, periods));
                 for i in 0..nodes {
                     let s = (i as f64 + 0.5) / nodes as f64;
                     let (point, across) = axis(s + periods as f64);
@@ -212,18 +218,23 @@ impl Start {
         if count > 1 {
             self.twists.push((yarn.kind, turn / TAU / length_um));
         }
-        if count == 1 && hold.is_none() {
-            return;
-        }
         let yarn_radius = spec.radius_um();
         let cohesion = if count > 1 { spec.cohesion * tension / (yarn_radius * yarn_radius) } else { 0.0 };
+        let length_um = length_um / nodes as f64;
         for i in 0..nodes {
-            let station = of
-                .iter()
-                .flatten()
-                .map(|(chain, periods)| (*chain, periods * nodes + i, yarn.period.map(|p| -(*periods as i32) * p)));
-            let length_um = length_um / nodes as f64;
-            self.elements.sections.push(Section { station: station.collect(), cohesion, length_um, hold });
+            let station = || -> Station {
+                let of = |(chain, periods): &(usize, usize)| {
+                    (*chain, periods * nodes + i, yarn.period.map(|p| -(*periods as i32) * p))
+                };
+                of_strand.iter().flatten().map(of).collect()
+            };
+            let [hold, other] = holds((i as f64 + 0.5) / nodes as f64);
+            if count > 1 || hold.is_some() {
+                self.elements.sections.push(Section { station: station(), cohesion, length_um, hold });
+            }
+            if other.is_some() {
+                self.elements.sections.push(Section { station: station(), cohesion: 0.0, length_um, hold: other });
+            }
         }
     }
 }

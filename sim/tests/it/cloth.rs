@@ -222,7 +222,7 @@ fn knits_keep_their_loops() {
         ("rib", 2.0),
         ("interlock", 4.0),
         ("tricot", 2.0),
-        ("grid\"\nrows = [\"KKP\", \"KPK\"]\nx = \"", 6.0),
+        ("chart\"\nchart = [\"KKP\", \"KPK\"]\nx = \"", 6.0),
     ] {
         let keys = format!("kind = \"{kind}\"").replace("\nx = \"\"", "");
         let text = format!(

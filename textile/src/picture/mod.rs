@@ -2,5 +2,6 @@
 
 pub(crate) mod area;
 mod bind;
+pub(crate) mod colors;
 pub(crate) mod pixels;
 pub(crate) mod spec;

@@ -3,10 +3,10 @@
 
 use crate::picture::area::{AreaWeave, WovenUnit};
 use crate::picture::bind::{Crossings, MIN_LIMIT, bind};
+use crate::picture::colors::{Wrong, color_key, find_colors, read_color};
 use crate::picture::pixels::{Pixels, hex};
 use crate::weave::floats::{Float, longest_floats, runs};
 use crate::{Draft, MAX_THREADS, YarnSet};
-use plywave::color::srgb_of_text;
 use plywave::{Error, Result};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -73,19 +73,6 @@ struct Keys {
     max_float: Option<usize>,
 }
 
-/// What is wrong with a key: its name below `[weave]`, its value and what to do.
-struct Wrong {
-    key: String,
-    value: String,
-    hint: String,
-}
-
-impl Wrong {
-    fn new(key: impl Into<String>, value: impl Into<String>, hint: impl Into<String>) -> Wrong {
-        Wrong { key: key.into(), value: value.into(), hint: hint.into() }
-    }
-}
-
 /// Reads the weaves of the colors, `weaves` being the name of their key.
 fn read_weaves<'a>(
     weaves: &str,
@@ -93,14 +80,9 @@ fn read_weaves<'a>(
 ) -> std::result::Result<Vec<ColorWeaves>, Wrong> {
     let mut read: Vec<(&str, ColorWeaves)> = Vec::new();
     for (text, value) in written {
-        let key = format!("{weaves}.{:?}", plywave::one_line(text, 40));
-        let Some(srgb) = srgb_of_text(text) else {
-            return Err(Wrong::new(&key, "(a color)", "use \"#rrggbb\" or \"#rgb\", as in the picture"));
-        };
-        let color = srgb.map(|v| (v * 255.0).round() as u8);
-        if let Some((other, _)) = read.iter().find(|(_, known)| known.color == color) {
-            return Err(Wrong::new(&key, hex(color), format!("this color is {other:?} as well; give it once")));
-        }
+        let key = color_key(weaves, text);
+        let before = read.iter().map(|(text, known)| (text.to_string(), known.color));
+        let color = read_color(weaves, text, before)?;
         let (names, is_list) = match value {
             Written::One(name) => (vec![name], false),
             Written::Each(names) => (names, true),
@@ -295,26 +277,9 @@ impl PictureWeave {
 
     /// The weaves of the colors of a picture, in the order of these.
     fn weaves_of(&self, pixels: &Pixels) -> std::result::Result<Vec<&ColorWeaves>, Wrong> {
-        let counts = pixels.counts();
-        let found: Vec<Option<&ColorWeaves>> =
-            pixels.colors.iter().map(|color| self.weaves.iter().find(|of| of.color == *color)).collect();
-        let missing = (0..found.len()).filter(|at| found[*at].is_none());
-        let Some(most) = missing.clone().max_by_key(|at| (counts[*at], std::cmp::Reverse(*at))) else {
-            return Ok(found.into_iter().flatten().collect());
-        };
-        let color = pixels.colors[most];
-        let others = match missing.count() - 1 {
-            0 => String::new(),
-            1 => " and 1 other color".into(),
-            n => format!(" and {n} other colors"),
-        };
-        let distance =
-            |of: &&ColorWeaves| -> u32 { (0..3).map(|k| u32::from(of.color[k].abs_diff(color[k])).pow(2)).sum() };
-        let near = self.weaves.iter().min_by_key(distance).map_or(String::new(), |of| {
-            format!(", or draw it as {}, the nearest that has one (without antialiasing)", hex(of.color))
-        });
-        let value = format!("{}{others} without a weave, {} pixels of {}", hex(color), counts[most], self.picture);
-        Err(Wrong::new("weaves", value, format!("give \"{}\" a weave{near}", hex(color))))
+        let known: Vec<[u8; 3]> = self.weaves.iter().map(|of| of.color).collect();
+        let found = find_colors(pixels, &known, ["weaves", "weave", &self.picture])?;
+        Ok(found.into_iter().map(|at| &self.weaves[at]).collect())
     }
 
     /// The limit of floats.

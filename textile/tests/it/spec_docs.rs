@@ -10,7 +10,7 @@ fn the_page_and_the_rules_have_the_same_keys() {
     // The yarn of a knit has the keys of warp and weft, its section is theirs.
     let shared = |section: &str| {
         let section = section.replace("`warp", "`yarn").replace("`weft", "`yarn");
-        if section.contains("knit`, kind") && !section.contains("rib") && !section.contains("grid") {
+        if section.contains("knit`, kind") && !section.contains("rib") && !section.contains("chart") {
             return "`knit`, other kinds".into();
         }
         section

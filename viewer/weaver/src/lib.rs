@@ -7,7 +7,7 @@ use plywave::Document;
 use plywave::PlyModel;
 use plywave::spec::YarnSpec;
 use plywave_sim::cloth::{ClothStep, Effort, make_cloth, precompute};
-use plywave_textile::{ClothSpec, ClothWeave, Draft, WeaveSpec, Wif, YarnOfCloth, alike};
+use plywave_textile::{ClothSpec, ClothWeave, Draft, KnitKind, WeaveSpec, Wif, YarnOfCloth, alike};
 use std::collections::BTreeMap;
 use std::sync::{Arc, LazyLock};
 use wasm_bindgen::prelude::{JsError, wasm_bindgen};
@@ -73,6 +73,9 @@ impl Recipe {
             Some(WeaveSpec::Wif { file }) => names.push(file.clone()),
             Some(WeaveSpec::Picture(picture)) => names.push(picture.picture.clone()),
             _ => {}
+        }
+        if let Some(KnitKind::Picture(picture)) = self.spec.knit.as_ref().map(|knit| &knit.kind) {
+            names.push(picture.picture.clone());
         }
         names.extend(self.spec.curves.iter().map(|curves| curves.file.clone()));
         names.dedup();

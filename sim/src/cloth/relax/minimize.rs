@@ -35,14 +35,14 @@ type Past = (Vec<f64>, Vec<f64>, f64);
 
 /// Minimizes the energy from the starting point `x`, which is replaced by the minimum. The minimization ends
 /// when no component of the gradient exceeds `slope` times the tension, after `steps` steps, or when no step
-/// decreases the energy. `go_on` gets the largest component at every step; the result is `None` once it
-/// returns `false`.
+/// decreases the energy. `go_on` gets the largest component and the point at every step; the result is `None`
+/// once it returns `false`.
 pub fn minimize(
     system: &mut System<'_>,
     x: &mut [f64],
     slope: f64,
     steps: usize,
-    go_on: &mut dyn FnMut(f64) -> bool,
+    go_on: &mut dyn FnMut(f64, &[f64]) -> bool,
 ) -> Option<Minimum> {
     let n = x.len();
     let (tension, max_move) = (system.tension, MAX_MOVE * system.radius_um);
@@ -56,7 +56,7 @@ pub fn minimize(
         if force <= slope {
             return Some(Minimum { slope: force, steps: step });
         }
-        if !go_on(force) {
+        if !go_on(force, x) {
             return None;
         }
         if since >= RENEW {

@@ -22,7 +22,7 @@ mod minimize;
 
 use super::precompute::Effort;
 use contacts::{Middles, contacts, pairs};
-pub(super) use elements::{Chain, Elements, Hold, Nodes, Section};
+pub(super) use elements::{Chain, Elements, Hold, Nodes, Section, Station};
 use energy::System;
 use minimize::minimize;
 
@@ -67,6 +67,15 @@ pub struct Relaxed {
 /// Relaxes a cloth in stages of increasing contact stiffness. `go_on` is called at every step with the share
 /// of the work that is done, an estimate that never goes down; the result is `None` once it returns `false`.
 pub(super) fn relax(cloth: &mut Elements, effort: Effort, go_on: &(dyn Fn(f64) -> bool + Sync)) -> Option<Relaxed> {
+    follow(cloth, effort, &mut |share, _| go_on(share))
+}
+
+/// As [`relax`]; `go_on` gets the coordinates of all nodes, too.
+pub(super) fn follow(
+    cloth: &mut Elements,
+    effort: Effort,
+    go_on: &mut dyn FnMut(f64, &[f64]) -> bool,
+) -> Option<Relaxed> {
     let mut system = System::new(cloth);
     let mut x = cloth.coordinates();
     let mut relaxed = Relaxed { nodes: system.nodes.len(), steps: 0, force: f64::INFINITY, overlap: 0.0 };
@@ -76,11 +85,11 @@ pub(super) fn relax(cloth: &mut Elements, effort: Effort, go_on: &(dyn Fn(f64) -
         let force = if effort == Effort::Draft { of_draft } else { stage.force };
         system.stiffen(stage.stiffness, before < 0.5);
         let mut first = None;
-        let mut report = |now: f64| {
+        let mut report = |now: f64, x: &[f64]| {
             let first = *first.get_or_insert(now);
             let part = (first / now).ln() / (first / force).ln().max(1e-9);
             share = share.max(before + (stage.done - before) * part.clamp(0.0, 1.0));
-            go_on(share)
+            go_on(share, x)
         };
         let minimum = minimize(&mut system, &mut x, force, stage.steps, &mut report)?;
         relaxed.steps += minimum.steps;
@@ -116,6 +125,12 @@ pub(super) fn overlap(cloth: &Elements) -> f64 {
         contact.overlap / (0.5 * (nodes.radius[pair.a as usize] + nodes.radius[pair.b as usize]))
     };
     found.iter().map(of).fold(0.0, f64::max)
+}
+
+/// Elements that may touch, with the translation of the second.
+#[cfg(test)]
+pub(super) fn touching(cloth: &Elements, x: &[f64]) -> Vec<(u32, u32, [f64; 2])> {
+    pairs(cloth, &Nodes::new(cloth), x, 0.0).into_iter().map(|pair| (pair.a, pair.b, pair.by)).collect()
 }
 
 #[cfg(test)]
