@@ -90,7 +90,9 @@ def answers(bsdf, position, wo, wi):
 @pytest.mark.slow(16)
 @pytest.mark.parametrize("name, share", [("jersey", 5e-4), ("hopsack", 5e-4)])
 def test_lines_hit_what_they_hit_in_the_library(name, share, file):
-    """The first curve, how many plies there are, and where it is hit, to a hundredth of the lines: theta_i to 1e-3 rad, the offset and the way to 0.1 um."""
+    """The first curve, how many plies there are, and where it is hit, to a two-hundredth of the lines: theta_i to 1e-3 rad, the offset to
+    0.1 um, the way to 0.1 um and what 1e-3 rad makes of it: sqrt(R^2 - h^2) / cos(theta_i) is the way from the wall to the axis.
+    """
     from plywave.mitsuba._curves import Curves
     from plywave.mitsuba._kit import Kit
     from plywave.mitsuba._lines import HITS
@@ -103,7 +105,7 @@ def test_lines_hit_what_they_hit_in_the_library(name, share, file):
     d = [-x for x in mi.Vector3f(wo.T.copy())]
     found, count = curves.follow(start, d, mi.Bool(True), lambda *_: mi.Float(1.0))
     hit = curves.hit_at({key: found[key][0] for key in curves.WHERE}, start, d)
-    *at, curve, theta_i, h_um, enter, several = arrays(*start, hit["curve"], hit["theta_i"], hit["h_um"], found["enter"][0], count)
+    *at, curve, theta_i, h_um, enter, radius, several = arrays(*start, hit["curve"], hit["theta_i"], hit["h_um"], found["enter"][0], hit["radius"], count)
     want = tables.hits(np.stack([np.broadcast_to(x, n) for x in at], 1), -wo)
     met = several > 0
     assert (met != (want[:, 0] > 0)).mean() <= share
@@ -113,9 +115,11 @@ def test_lines_hit_what_they_hit_in_the_library(name, share, file):
     assert (several[same] != np.minimum(want[same, 9], HITS)).mean() <= 1e-2
     # Of grazing lines, which start far away, ways have no such digits.
     same &= np.abs(wo[:, 2]) > 0.1
-    for got, column, error in ((theta_i, 2, 1e-3), (h_um, 3, 0.1), (enter, 4, 0.1)):
+    theta, across = want[same, 2], np.sqrt(np.maximum(radius[same] ** 2 - want[same, 3] ** 2, 0.0))
+    way = 0.1 + 1e-3 * across * np.abs(np.sin(theta)) / np.maximum(np.cos(theta), 1e-3) ** 2
+    for got, column, error in ((theta_i, 2, 1e-3), (h_um, 3, 0.1), (enter, 4, way)):
         off = (np.abs(got[same] - want[same, column]) > error).mean()
-        assert off <= 1e-2, (column, off)
+        assert off <= 5e-3, (column, off)
 
 
 @pytest.mark.slow(12)
@@ -191,7 +195,7 @@ def test_speckle_is_the_librarys(variant, file):
 @pytest.mark.parametrize("name", ["jersey", "organza", "mixed", "flannel"])
 def test_far_view_is_the_librarys(name, file):
     """The mean over the cell, and between it and the point; of absorptions that textures give, too."""
-    at = queries(4, 20_000)
+    at = queries(4, 60_000)
     keys = {"far": True, "gaps": "diffracted" if name == "organza" else "straight"}
     tables = library(file(name), **keys)
     longest = max(np.hypot(*v) for v in tables.tensors()["cell_um"])
@@ -308,14 +312,14 @@ def hold_gradient_of_picture(bsdf, key):
     params = mi.traverse(rendered)
     dr.enable_grad(params[key])
     params.update()
-    dr.backward(dr.mean(mi.render(rendered, params, spp=16)))
+    dr.backward(dr.mean(mi.render(rendered, params, spp=64)))
     got, values = np.array(dr.grad(params[key])).ravel()[0], []
     for step in (2e-4, -2e-4):
         rendered = scene(bsdf())
         params = mi.traverse(rendered)
         params[key] = mi.Color3f(0.004 + step, 0.004, 0.004)
         params.update()
-        values.append(np.array(mi.render(rendered, spp=16)).mean(dtype=np.float64))
+        values.append(np.array(mi.render(rendered, spp=64)).mean(dtype=np.float64))
     want = (values[0] - values[1]) / 4e-4
     assert abs(got / want - 1.0) < 1e-2, f"{got}, by differences {want}"
 

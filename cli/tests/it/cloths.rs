@@ -88,7 +88,7 @@ fn clear_in_a_white_room(name: &'static str) {
     let views = [("face", seen(0.3, 0.95)), ("oblique", seen(0.94, 0.34)), ("back", seen(0.5, -0.87))];
     for (view, camera) in &views {
         let (scene, _) = Setup::Furnace.scene(s, None, None);
-        let options = RenderOptions { samples: 192, depth: 64, seed: 1 };
+        let options = RenderOptions { samples: 256, depth: 64, seed: 1 };
         let (y, se) = mean(&luminances(&rendered(&scene, camera, &cloth, 32, &options)));
         println!("{name}, {view}: {y:.4} +- {se:.4}");
         assert!(se < 0.002 && (y - 1.0).abs() < 0.01, "{name}, {view}: {y} +- {se}");
