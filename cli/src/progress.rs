@@ -90,7 +90,6 @@ fn resume_command() -> String {
 /// A progress bar for consecutive stages of the work.
 pub struct Bar {
     bar: ProgressBar,
-    unit: &'static str,
     begun: Instant,
     /// Start of the current stage.
     stage: Arc<Mutex<Instant>>,
@@ -105,7 +104,7 @@ impl Bar {
         let hidden = quiet || !terminal;
         let target = if hidden { ProgressDrawTarget::hidden() } else { ProgressDrawTarget::stderr_with_hz(8) };
         let bar = ProgressBar::with_draw_target(Some(1), target);
-        bar.set_style(style(unit, true));
+        bar.set_style(style(unit));
         bar.set_prefix(what);
         if !hidden {
             bar.enable_steady_tick(Duration::from_millis(250));
@@ -118,31 +117,19 @@ impl Bar {
             let write = move || {
                 while ended.recv_timeout(LINES_EVERY) == Err(RecvTimeoutError::Timeout) {
                     // A failed write to a log does not stop the work.
-                    let _ =
-                        writeln!(std::io::stderr(), "{}", line(&bar, unit, begun.elapsed(), lock(&stage).elapsed()));
+                    let _ = writeln!(std::io::stderr(), "{}", line(&bar, begun.elapsed(), lock(&stage).elapsed()));
                 }
             };
             (sender, std::thread::spawn(write))
         });
-        Bar { bar, unit, begun, stage, lines }
+        Bar { bar, begun, stage, lines }
     }
 
     /// Begins a stage of `total` units.
     pub fn begin(&self, what: &'static str, total: u64) {
-        self.start(what, Some(total));
-    }
-
-    /// Begins a stage; `None` if its total is unknown.
-    fn start(&self, what: &'static str, total: Option<u64>) {
-        if self.bar.length().is_some() != total.is_some() {
-            self.bar.set_style(style(self.unit, total.is_some()));
-        }
         *lock(&self.stage) = Instant::now();
         self.bar.set_prefix(what);
-        match total {
-            Some(total) => self.bar.set_length(total),
-            None => self.bar.unset_length(),
-        }
+        self.bar.set_length(total);
         self.bar.set_position(0);
         self.bar.reset_eta();
     }
@@ -156,14 +143,6 @@ impl Bar {
     pub fn update(&self, what: &'static str, done: u64, total: u64) {
         if self.bar.prefix() != what || self.bar.length() != Some(total) {
             self.begin(what, total);
-        }
-        self.bar.set_position(done);
-    }
-
-    /// Sets the units done of a stage with unknown total.
-    pub fn count(&self, what: &'static str, done: u64) {
-        if self.bar.prefix() != what || self.bar.length().is_some() {
-            self.start(what, None);
         }
         self.bar.set_position(done);
     }
@@ -185,12 +164,8 @@ impl Drop for Bar {
     }
 }
 
-/// Style of a bar with a known or unknown total.
-fn style(unit: &str, has_end: bool) -> ProgressStyle {
-    let template = match has_end {
-        true => format!("{{prefix:>9}} [{{bar:32}}] {{percent:>3}} %  {{rate}} {unit}/s  {{elapsed}}, {{eta}} left"),
-        false => format!("{{prefix:>9}} {{spinner}} {{pos}} {unit}  {{rate}} {unit}/s  {{elapsed}}"),
-    };
+fn style(unit: &str) -> ProgressStyle {
+    let template = format!("{{prefix:>9}} [{{bar:32}}] {{percent:>3}} %  {{rate}} {unit}/s  {{elapsed}}, {{eta}} left");
     ProgressStyle::with_template(&template)
         .unwrap_or_else(|_| ProgressStyle::default_bar())
         .with_key("rate", |state: &indicatif::ProgressState, out: &mut dyn std::fmt::Write| {
@@ -205,11 +180,8 @@ fn lock(at: &Mutex<Instant>) -> MutexGuard<'_, Instant> {
 }
 
 /// A line for logs: `time` that the bar stood, and the remaining time of its stage, which has taken `stage`.
-fn line(bar: &ProgressBar, unit: &str, time: Duration, stage: Duration) -> String {
-    let done = bar.position();
-    let Some(total) = bar.length() else {
-        return format!("{}: {done} {unit}, {}", bar.prefix(), crate::report::duration(time));
-    };
+fn line(bar: &ProgressBar, time: Duration, stage: Duration) -> String {
+    let (done, total) = (bar.position(), bar.length().unwrap_or(1));
     let percent = 100.0 * done as f64 / total.max(1) as f64;
     // At the mean rate of the stage so far; a bar that is not drawn estimates none itself.
     let remaining = match done {
@@ -245,10 +217,7 @@ impl PipelineBar {
             *state = Some((stage, Bar::new(stage.name(), stage.unit(), self.quiet)));
         }
         if let Some((_, bar)) = state.as_ref() {
-            match stage.has_end() {
-                true => bar.update(stage.name(), done, total),
-                false => bar.count(stage.name(), done),
-            }
+            bar.update(stage.name(), done, total);
         }
     }
 
@@ -268,13 +237,10 @@ mod tests {
         let bar = ProgressBar::with_draw_target(Some(8), ProgressDrawTarget::hidden());
         bar.set_prefix("simulate");
         bar.set_position(2);
-        let reported = |seconds: u64| line(&bar, "steps", Duration::from_secs(seconds), Duration::from_secs(30));
+        let reported = |seconds: u64| line(&bar, Duration::from_secs(seconds), Duration::from_secs(30));
         assert_eq!(reported(130), "simulate: 25 %, 2 min 10 s, 90.0 s left");
         bar.set_position(0);
         assert_eq!(reported(10), "simulate: 0 %, 10.0 s");
-        bar.set_position(400);
-        bar.unset_length();
-        assert_eq!(reported(10), "simulate: 400 steps, 10.0 s");
     }
 
     /// Also of commands in commands, and with flags before the command.

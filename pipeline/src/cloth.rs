@@ -24,8 +24,8 @@ use std::sync::atomic::{AtomicU64, Ordering};
 const MAX_SPEC_BYTES: u64 = 1 << 20;
 const MAX_BYTES: u64 = 256 << 20;
 
-/// Number of relaxation steps between two reports of progress.
-const STEPS_PER_REPORT: u64 = 16;
+/// Number of parts in which the progress of the relaxation is reported.
+const PARTS: u64 = 1000;
 
 /// Version of the precomputation, which increases with each change of it; it is part of the key of the cache.
 const MAKING: u32 = 5;
@@ -46,6 +46,8 @@ pub struct ClothRecipe {
     /// Least quality of the ply models that are found or built for it; `None`: any is taken, and missing ones
     /// are built of preview quality.
     pub quality: Option<Quality>,
+    /// Whether the cloth is a draft, which takes less time ([`Effort::Draft`]).
+    pub is_draft: bool,
 }
 
 /// A precomputed cloth, ready for shading.
@@ -80,7 +82,15 @@ impl ClothRecipe {
     pub fn parse(file: &str, text: impl Into<String>, folder: impl Into<PathBuf>) -> Result<ClothRecipe, Error> {
         let spec_text = text.into();
         let spec = ClothSpec::parse(&spec_text, file)?;
-        Ok(ClothRecipe { file: file.into(), folder: folder.into(), is_open: true, spec, spec_text, quality: None })
+        Ok(ClothRecipe {
+            file: file.into(),
+            folder: folder.into(),
+            is_open: true,
+            spec,
+            spec_text,
+            quality: None,
+            is_draft: false,
+        })
     }
 
     /// Name of a kind of yarn: `warp`, `weft` or `yarn`.
@@ -171,20 +181,20 @@ impl ClothRecipe {
     /// # Errors
     /// [`Error::Interrupted`] if the run was stopped, and those of [`make_cloth`].
     pub fn curves(&self, run: &Run<'_>) -> Result<MadeCloth, Error> {
-        let steps = AtomicU64::new(0);
-        // The number of relaxation steps is unknown in advance, so the total is always one more than is done.
-        let report = |done: u64| run.report(Progress { stage: Stage::Curves, done, total: done + 1 });
+        let last = AtomicU64::new(0);
+        let report = |done: u64| run.report(Progress { stage: Stage::Curves, done, total: PARTS });
         report(0);
         let assets = self.assets();
         let mut read = |named: &str| assets.read(named, MAX_BYTES);
-        let go_on = |_: f64| {
-            let done = steps.fetch_add(1, Ordering::Relaxed) + 1;
-            if done.is_multiple_of(STEPS_PER_REPORT) {
+        let go_on = |share: f64| {
+            let done = (share * PARTS as f64) as u64;
+            if last.fetch_max(done, Ordering::Relaxed) < done {
                 report(done);
             }
             run.check_stop().is_ok()
         };
-        let made = make_cloth(&self.spec, &self.file, &mut read, Effort::Full, &go_on);
+        let effort = if self.is_draft { Effort::Draft } else { Effort::Full };
+        let made = make_cloth(&self.spec, &self.file, &mut read, effort, &go_on);
         made.map_err(|error| Error::of_simulation(error, &self.file))
     }
 
@@ -204,7 +214,11 @@ impl ClothRecipe {
             run.report(Progress { stage: Stage::Cloth(what), done: done as u64, total: total as u64 });
             run.check_stop().is_ok()
         };
-        let effort = if has_far { Effort::Full } else { Effort::Near };
+        let effort = match (self.is_draft, has_far) {
+            (true, _) => Effort::Draft,
+            (false, true) => Effort::Full,
+            (false, false) => Effort::Near,
+        };
         let data = precompute(&self.spec, &self.spec_text, &curves.curves, models, effort, &report);
         let mut data = data.map_err(|error| Error::of_simulation(error, &self.file))?;
         data.looks.clone_from(&curves.looks);
@@ -222,7 +236,7 @@ impl ClothRecipe {
         // Weaving takes seconds and refuses what cannot be woven, building a model takes minutes.
         let woven = if plies.are_complete() { None } else { Some(self.curves(run)?) };
         let ClothPlyModels { models, mut notes } = plies.build(run)?;
-        let mut of = format!("{} {MAKING}\n{}\n", env!("CARGO_PKG_VERSION"), self.spec_text);
+        let mut of = format!("{} {MAKING} {}\n{}\n", env!("CARGO_PKG_VERSION"), self.is_draft, self.spec_text);
         for model in &models {
             of += &digest_of_bytes(&model.data().to_bytes()?);
         }

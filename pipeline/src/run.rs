@@ -50,16 +50,10 @@ impl Stage {
             Stage::Yarn => "incidences",
             Stage::FitHigh | Stage::FitReflection | Stage::FitErrors => "slices",
             Stage::Speckle => "fibers",
-            Stage::Curves => "steps",
+            Stage::Curves => "parts",
             Stage::Cloth(_) => "parts",
             Stage::Export => "directions",
         }
-    }
-
-    /// Whether the number of units is known in advance. If it is unknown, the total of [`Progress`] is one
-    /// more than is done.
-    pub fn has_end(self) -> bool {
-        self != Stage::Curves
     }
 
     /// Whether the stage checks the stop flag while it runs and saves its finished shards.

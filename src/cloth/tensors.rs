@@ -21,7 +21,7 @@
 //! | `entry` | `[entries][3]` | index of the piece, and the cells by which it is translated, plus 2^15 |
 //! | `piece` | `[pieces][16]` | coefficients of the powers 0 to 3 of u, for x, y and z each; radius; reach about the chord; parameter of the curve at u = 0 and its increase to u = 1 |
 //! | `piece_curve` | `[pieces]` | index of the curve |
-//! | `curve_of` | `[curves][8]` | kind; first place in `shadow_free` and number of places; number of the yarn and its increase for each cell along the vectors, modulo 2^32; curve; number of knots |
+//! | `curve_of` | `[curves][8]` | kind; first place of its shadows and number of places; number of the yarn and its increase for each cell along the vectors, modulo 2^32; curve; number of knots |
 //! | `places_per_knot` | `[curves]` | number of places per unit of the parameter |
 //! | `twist` | `[curves]` | rotation of the fibers per unit of the parameter [rad] |
 //! | `along` | `[curves, 3]` | arc length along the curve [um] per unit of the parameter, and per step along each vector of the cell |
@@ -33,7 +33,8 @@
 //! | `dyes_0`, `dyes_1` | `[yarns]` | for each kind, the dye of each yarn by its number, repeated periodically |
 //! | `dye_mean` | `[kinds]` | the dye of the mean color of each kind's yarns |
 //! | `curve` | `[..][2]` | v = 1 / (1 + sigma L), and the brightness of the cloth |
-//! | `shadow_free` | `[places][18][16][8]` | shares of light that escape, by place, row of both halves, column and offset; 255 represents 1.35 |
+//! | `shadow_free` | `[tables][18][16][8]` | shares of light that escape, by table, row of both halves, column and offset; 255 represents 1.35 |
+//! | `shadow_table` | `[places]` or empty | for each place, its table in `shadow_free`; empty if each place has its own |
 //! | `inter_yarn_caught` | `[2][classes][3][8][168]` | by side, class, sent up, sent down or total, absorption: spline coefficients over the direction of the energies that other yarns intercept; 8 classes, 12 with hairs |
 //! | `inter_yarn_leaves` | `[2][classes][2][2][64][8]` | by side, class, half it is sent to, half it leaves in, pair of absorptions: polynomial of the energy that leaves per energy that is intercepted |
 //! | `inter_yarn_shape` | `[2][2][64][16]` | by side, half it leaves in, pair of absorptions: polynomial of the distribution of directions |
@@ -188,6 +189,8 @@ impl ClothModel {
         let shadows = self.shadows.free();
         let shape = [shadows.len() / (2 * ROWS * COLUMNS * LANES), 2 * ROWS, COLUMNS, LANES];
         add("shadow_free", &shape, Values::U8(shadows.to_vec()));
+        let tables = self.shadows.tables();
+        add("shadow_table", &[tables.len()], Values::U32(tables.to_vec()));
         let mut first = 0;
         let (mut of, mut per_knot) = (Vec::new(), Vec::new());
         for (curve, places) in self.shadows.counts().enumerate() {

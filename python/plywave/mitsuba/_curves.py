@@ -92,7 +92,8 @@ class Curves(Lines, Tables):
         # In inactive lanes the count reads 0.
         first, count = self.curve_word(curve, FIRST), dr.maximum(self.curve_word(curve, COUNT), 1)
         # The position stays within 2^12 periods of the first one.
-        row = lambda place: first + kit.uint(place + kit.int(count) * (1 << 12)) % count
+        own = lambda place: first + kit.uint(place + kit.int(count) * (1 << 12)) % count
+        row = own if self.shadow_table is None else lambda place: kit.take_word(self.shadow_table, own(place))
         return [(row(place), 1.0 - (x - whole)), (row(place + 1), x - whole)]
 
 

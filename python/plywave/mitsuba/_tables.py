@@ -25,6 +25,8 @@ class Tables(Shadows, Between):
         corners = [passed[:, i : i + PASSED_ROWS - 1, k : k + PASSED_COLUMNS - 1] for i in range(2) for k in range(2)]
         self.passed, self.passed_h = kit.floats(np.stack(corners, -1)), kit.floats(tensors["passed_h_um"])
         self.free_table = kit.words(np.ascontiguousarray(tensors["shadow_free"]).reshape(-1).view("<u4"))
+        shared = tensors["shadow_table"]
+        self.shadow_table = kit.words(shared) if len(shared) else None
         curve = tensors["curve"]
         self.curve_length = float(tensors["scalars"][2])
         self.curve_nodes = len(curve)

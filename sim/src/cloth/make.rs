@@ -6,13 +6,14 @@
 
 use super::files::{compare_counts, source_curves};
 use super::knit::knitted;
+use super::large::{self, LARGE};
 use super::measure::{ClothMeasures, measure};
 use super::precompute::Effort;
-use super::relax::{Chain, Elements, MAX_OVERLAP, Relaxed, relax};
-use super::woven::{Start, max_nodes, woven};
+use super::relax::{Chain, Elements, MAX_OVERLAP, Relaxed, Rest, part, relax};
+use super::woven::{ELEMENT, Start, max_nodes, minimal_cell, smooth, woven, woven_in};
 use crate::error::SimError;
 use plywave::Error;
-use plywave::cloth::{Buckets, ClothCurves, Lattice, PlyCurve, YarnColor, YarnLook};
+use plywave::cloth::{Buckets, ClothCurves, Lattice, MAX_CURVE_POINTS, PlyCurve, YarnColor, YarnLook};
 use plywave_textile::{
     ClothSpec, ClothWeave, Draft, KnitKind, NamedWeave, WeaveSpec, Wif, YarnOfCloth, YarnSet, check_floats,
 };
@@ -22,6 +23,9 @@ pub const MAX_FORCE: f64 = 0.05;
 /// Maximum overlap of two plies of a cloth over their mean radius: relaxed yarns reach it, and it is not
 /// visible in renderings.
 const MAX_SHARED: f64 = 0.05;
+/// Overlap over the radius above which the yarns of a draft are parted, and number of rounds.
+const PARTED: f64 = 0.03;
+const ROUNDS: usize = 60;
 /// Search for spacings that fit a weave that is too dense: growth factor of a step, maximum number of steps,
 /// and bisections of the last step.
 const WIDER: f64 = 1.3;
@@ -62,7 +66,8 @@ const SPACING_UM: std::ops::RangeInclusive<f64> = 10.0..=1e5;
 
 /// Makes the curves of a cloth. `read` returns the bytes of the file that the spec names, a WIF or curves.
 /// `go_on` is called at every step of the relaxation with the estimated share that is done, from 0 to 1, and
-/// stops it by returning `false`. [`Effort::Draft`] balances forces less exactly.
+/// stops it by returning `false`. With [`Effort::Draft`] woven yarns are laid out and parted where they
+/// overlap instead of relaxed, and forces in other cloths are balanced less exactly.
 ///
 /// # Errors
 /// [`SimError::Stopped`], and [`Error::Invalid`] for a draft that leaves a yarn unbound, for yarns too thick
@@ -75,6 +80,7 @@ pub fn make_cloth(
     go_on: &(dyn Fn(f64) -> bool + Sync),
 ) -> Result<MadeCloth, SimError> {
     let mut notes = Vec::new();
+    let rest = if effort == Effort::Draft { Rest::Near } else { Rest::Full };
     let invalid = |key: &str, value: String, hint: String| -> SimError {
         Error::Invalid { file: file.into(), key: key.into(), value, hint }.into()
     };
@@ -131,74 +137,14 @@ pub fn make_cloth(
                 };
             }
             check_floats(file, "weave", &draft, spacing)?;
-            let nodes = super::woven::nodes(&draft, yarns, spacing);
-            let most = max_nodes(&yarns);
-            if nodes > most {
-                let value = format!("{nodes:.1e} nodes");
-                let hint = format!(
-                    "the repeat is too large to relax; use fewer ends, picks or bundles, {most:.0e} nodes at most"
-                );
-                return Err(invalid("weave", value, hint));
-            }
-            let at = |scale: f64| {
-                let start = woven(&draft, yarns, spacing.map(|s| s * scale));
-                start.ok_or_else(|| invalid("weave", "(spacing)".into(), "use spacings above 0".into()))
-            };
-            let (start, relaxed) = relaxed(at(1.0)?, spec.thickness_um, effort, go_on)?;
-            if relaxed.overlap <= MAX_OVERLAP {
-                let mut made = finished(start, spec, Some(relaxed), notes)?;
-                check_shared(&made, spec).map_err(|(value, what)| invalid("weave", value, what))?;
-                for (look, colors) in made.looks.iter_mut().zip(in_wif) {
-                    if look.colors == [YarnColor::Undyed] && !colors.is_empty() {
-                        look.colors = colors.into_iter().map(YarnColor::Srgb).collect();
-                    }
+            let loom = Loom { spec, file, draft, yarns, spacing_um: spacing, go_on };
+            let mut made = if effort == Effort::Draft { loom.sketch(notes)? } else { loom.weave(notes)? };
+            for (look, colors) in made.looks.iter_mut().zip(in_wif) {
+                if look.colors == [YarnColor::Undyed] && !colors.is_empty() {
+                    look.colors = colors.into_iter().map(YarnColor::Srgb).collect();
                 }
-                return Ok(made);
             }
-            // The weave is too dense; find the spacing at which it fits.
-            let overlap_um = relaxed.overlap * 0.5 * (yarns[0].strand_radius_um() + yarns[1].strand_radius_um());
-            // A draft is near enough; the rest of its overlap stays below the limit.
-            let goes = |scale: f64| -> Result<bool, SimError> {
-                let tried = self::relaxed(at(scale)?, spec.thickness_um, Effort::Draft, &|_| go_on(1.0))?.1;
-                Ok(tried.overlap <= 0.95 * MAX_OVERLAP)
-            };
-            let (mut low, mut high) = (1.0, None);
-            for step in 1..=TRIES {
-                let scale = WIDER.powi(step);
-                if goes(scale)? {
-                    high = Some(scale);
-                    break;
-                }
-                low = scale;
-            }
-            let Some(mut high) = high else {
-                let hint = format!(
-                    "the yarns are too thick: they overlap by {overlap_um:.1} um, and with spacings {low:.1} times as wide \
-                     still; use finer yarns{}",
-                    if spec.thickness_um.is_some() { " or a larger thickness_um" } else { "" }
-                );
-                return Err(invalid("warp.count", format!("{:.2} tex", yarns[0].tex()), hint));
-            };
-            for _ in 0..HALVINGS {
-                let middle = 0.5 * (low + high);
-                *(if goes(middle)? { &mut high } else { &mut low }) = middle;
-            }
-            // What is told goes at full effort, too.
-            let mut per_cm = spacing.map(|s| (1e5 / (s * high)).floor() / 10.0);
-            for _ in 0..TRIES {
-                let start = woven(&draft, yarns, per_cm.map(|per_cm| 1e4 / per_cm));
-                let Some(start) = start else { break };
-                let told = self::relaxed(start, spec.thickness_um, effort, &|_| go_on(1.0))?.1;
-                if told.overlap <= MAX_OVERLAP {
-                    break;
-                }
-                per_cm = per_cm.map(|per_cm| (9.8 * per_cm).floor() / 10.0);
-            }
-            let hint = format!(
-                "the yarns are too thick: they overlap by {overlap_um:.1} um; at most {} ends and {} picks a cm go",
-                per_cm[0], per_cm[1]
-            );
-            Err(invalid("weave.ends_per_cm", spec.per_cm[0].unwrap_or_default().to_string(), hint))
+            Ok(made)
         }
         ClothWeave::Knitted(knit, yarn) => {
             let read = match &knit.kind {
@@ -206,7 +152,7 @@ pub fn make_cloth(
                 other => other.clone(),
             };
             let start = knitted(knit, &read, yarn).map_err(|(key, value, hint)| invalid(key, value, hint))?;
-            let (start, relaxed) = relaxed(start, spec.thickness_um, effort, go_on)?;
+            let (start, relaxed) = relaxed(start, spec.thickness_um, rest, go_on)?;
             check_overlap(&relaxed, yarn).map_err(|(value, hint)| invalid("yarn.count", value, hint))?;
             let made = finished(start, spec, Some(relaxed), notes)?;
             check_shared(&made, spec).map_err(|(value, what)| invalid("knit", value, what))?;
@@ -240,7 +186,7 @@ pub fn make_cloth(
                 return Err(invalid("curves.file", format!("{nodes:.1e} nodes"), hint));
             }
             let start = start_of(&curves, lattice, &yarns);
-            let (start, relaxed) = relaxed(start, spec.thickness_um, effort, go_on)?;
+            let (start, relaxed) = relaxed(start, spec.thickness_um, rest, go_on)?;
             let made = finished(start, spec, Some(relaxed), notes)?;
             check_shared(&made, spec).map_err(|(value, what)| {
                 let hint = format!("{what} after {} steps; use finer yarns or a wider cell", relaxed.steps);
@@ -248,6 +194,155 @@ pub fn make_cloth(
             })?;
             Ok(made)
         }
+    }
+}
+
+/// A draft with its yarns and their spacings, about to be woven.
+struct Loom<'a> {
+    spec: &'a ClothSpec,
+    file: &'a str,
+    draft: Draft,
+    yarns: [&'a YarnOfCloth; 2],
+    spacing_um: [f64; 2],
+    go_on: &'a (dyn Fn(f64) -> bool + Sync),
+}
+
+impl Loom<'_> {
+    fn invalid(&self, key: &str, value: String, hint: String) -> SimError {
+        Error::Invalid { file: self.file.into(), key: key.into(), value, hint }.into()
+    }
+
+    /// The curves of the draft.
+    fn weave(&self, notes: Vec<String>) -> Result<MadeCloth, SimError> {
+        let [i, _, k] = minimal_cell(&self.draft);
+        let made = if i * k < LARGE { self.weave_whole(notes)? } else { self.weave_tiles(notes)? };
+        check_shared(&made, self.spec).map_err(|(value, what)| self.invalid("weave", value, what))?;
+        Ok(made)
+    }
+
+    /// Lays the yarns out and parts them where they overlap, without forces.
+    fn sketch(&self, mut notes: Vec<String>) -> Result<MadeCloth, SimError> {
+        let (mut draft, mut cell) = (self.draft.clone(), minimal_cell(&self.draft));
+        if cell[0] * cell[2] >= LARGE {
+            draft = self.draft.reduced();
+            self.check_size(&draft)?;
+            cell = [draft.ends(), 0, draft.picks()];
+        }
+        let element_um = self.yarns.map(|yarn| ELEMENT[1] * yarn.strand_radius_um());
+        let start = woven_in(cell, &draft, self.yarns, self.spacing_um, element_um);
+        let mut start = start.ok_or_else(|| self.no_cell())?;
+        start.elements.thickness_um = self.spec.thickness_um;
+        part(&mut start.elements, PARTED, ROUNDS);
+        if !(self.go_on)(1.0) {
+            return Err(SimError::Stopped);
+        }
+        notes.push("a draft: yarns are laid out and parted, not relaxed".into());
+        finished(start, self.spec, None, notes)
+    }
+
+    fn no_cell(&self) -> SimError {
+        self.invalid("weave", "(spacing)".into(), "use spacings above 0".into())
+    }
+
+    /// Refuses a draft whose yarns need more points than a cloth may have.
+    fn check_size(&self, draft: &Draft) -> Result<(), SimError> {
+        let points = large::points(draft, self.yarns, self.spacing_um) as f64;
+        let most = MAX_CURVE_POINTS as f64;
+        if points <= most {
+            return Ok(());
+        }
+        let hint = format!(
+            "the repeat is too large: its yarns need {points:.1e} points, {most:.1e} at most; \
+             use fewer ends, picks, plies or bundles"
+        );
+        Err(self.invalid("weave", format!("{} x {} threads", draft.ends(), draft.picks()), hint))
+    }
+
+    /// Relaxes all crossings of the smallest cell together.
+    fn weave_whole(&self, notes: Vec<String>) -> Result<MadeCloth, SimError> {
+        let nodes = super::woven::nodes(&self.draft, self.yarns, self.spacing_um);
+        let most = max_nodes(&self.yarns);
+        if nodes > most {
+            let hint =
+                format!("the repeat is too large to relax; use fewer ends, picks or bundles, {most:.0e} nodes at most");
+            return Err(self.invalid("weave", format!("{nodes:.1e} nodes"), hint));
+        }
+        let start = self.start(&self.draft, self.spacing_um)?;
+        let (start, relaxed) = relaxed(start, self.spec.thickness_um, Rest::Full, self.go_on)?;
+        if relaxed.overlap > MAX_OVERLAP {
+            return Err(self.too_dense(&self.draft, relaxed.overlap)?);
+        }
+        finished(start, self.spec, Some(relaxed), notes)
+    }
+
+    /// Lays out a large draft from tiles that are relaxed by themselves.
+    fn weave_tiles(&self, mut notes: Vec<String>) -> Result<MadeCloth, SimError> {
+        let draft = self.draft.reduced();
+        self.check_size(&draft)?;
+        let large = large::large(&draft, self.yarns, self.spacing_um, self.spec.thickness_um, self.go_on);
+        let large = large.ok_or(SimError::Stopped)?;
+        if large.relaxed.overlap > MAX_OVERLAP {
+            return Err(self.too_dense(&large.densest, large.relaxed.overlap)?);
+        }
+        let [crossings, windows, relaxed] = large.counts;
+        notes.push(format!(
+            "{windows} of {crossings} crossings have neighborhoods of their own; {relaxed} were relaxed in tiles"
+        ));
+        let curves = large::curves(&large);
+        finished_curves(&large.start, curves, self.spec, Some(large.relaxed), notes)
+    }
+
+    fn start(&self, draft: &Draft, spacing_um: [f64; 2]) -> Result<Start, SimError> {
+        let start = woven(draft, self.yarns, spacing_um);
+        start.ok_or_else(|| self.no_cell())
+    }
+
+    /// The error for a draft whose yarns overlap by this share of their radius, with the spacings that go.
+    fn too_dense(&self, draft: &Draft, overlap: f64) -> Result<SimError, SimError> {
+        let thickness_um = self.spec.thickness_um;
+        let overlap_um = overlap * 0.5 * (self.yarns[0].strand_radius_um() + self.yarns[1].strand_radius_um());
+        // A draft is near enough; the rest of its overlap stays below the limit.
+        let goes = |scale: f64| -> Result<bool, SimError> {
+            let start = self.start(draft, self.spacing_um.map(|s| s * scale))?;
+            let tried = relaxed(start, thickness_um, Rest::Near, &|_| (self.go_on)(1.0))?.1;
+            Ok(tried.overlap <= 0.95 * MAX_OVERLAP)
+        };
+        let (mut low, mut high) = (1.0, None);
+        for step in 1..=TRIES {
+            let scale = WIDER.powi(step);
+            if goes(scale)? {
+                high = Some(scale);
+                break;
+            }
+            low = scale;
+        }
+        let Some(mut high) = high else {
+            let hint = format!(
+                "the yarns are too thick: they overlap by {overlap_um:.1} um, and with spacings {low:.1} times as wide \
+                 still; use finer yarns{}",
+                if thickness_um.is_some() { " or a larger thickness_um" } else { "" }
+            );
+            return Ok(self.invalid("warp.count", format!("{:.2} tex", self.yarns[0].tex()), hint));
+        };
+        for _ in 0..HALVINGS {
+            let middle = 0.5 * (low + high);
+            *(if goes(middle)? { &mut high } else { &mut low }) = middle;
+        }
+        // What is told goes at full effort, too.
+        let mut per_cm = self.spacing_um.map(|s| (1e5 / (s * high)).floor() / 10.0);
+        for _ in 0..TRIES {
+            let start = self.start(draft, per_cm.map(|per_cm| 1e4 / per_cm))?;
+            let told = relaxed(start, thickness_um, Rest::Full, &|_| (self.go_on)(1.0))?.1;
+            if told.overlap <= MAX_OVERLAP {
+                break;
+            }
+            per_cm = per_cm.map(|per_cm| (9.8 * per_cm).floor() / 10.0);
+        }
+        let hint = format!(
+            "the yarns are too thick: they overlap by {overlap_um:.1} um; at most {} ends and {} picks a cm go",
+            per_cm[0], per_cm[1]
+        );
+        Ok(self.invalid("weave.ends_per_cm", self.spec.per_cm[0].unwrap_or_default().to_string(), hint))
     }
 }
 
@@ -311,11 +406,11 @@ fn twist_notes(start: &Start, spec: &ClothSpec) -> Vec<String> {
 fn relaxed(
     mut start: Start,
     thickness_um: Option<f64>,
-    effort: Effort,
+    rest: Rest,
     go_on: &(dyn Fn(f64) -> bool + Sync),
 ) -> Result<(Start, Relaxed), SimError> {
     start.elements.thickness_um = thickness_um;
-    let relaxed = relax(&mut start.elements, effort, go_on).ok_or(SimError::Stopped)?;
+    let relaxed = relax(&mut start.elements, rest, go_on).ok_or(SimError::Stopped)?;
     Ok((start, relaxed))
 }
 
@@ -323,29 +418,30 @@ fn finished(
     start: Start,
     spec: &ClothSpec,
     relaxed: Option<Relaxed>,
-    mut notes: Vec<String>,
+    notes: Vec<String>,
 ) -> Result<MadeCloth, SimError> {
-    notes.splice(0..0, twist_notes(&start, spec));
-    notes.extend(houndstooth_note(spec));
     let lattice = start.elements.lattice;
     let curves =
         start.elements.chains.iter().zip(&start.of_chain).map(|(chain, yarn)| smooth(chain, *yarn, &lattice)).collect();
-    let curves = ClothCurves { cell_um: lattice.cell_um, yarns: start.yarns, curves };
+    finished_curves(&start, curves, spec, relaxed, notes)
+}
+
+/// The cloth of these curves of its chains.
+fn finished_curves(
+    start: &Start,
+    curves: Vec<PlyCurve>,
+    spec: &ClothSpec,
+    relaxed: Option<Relaxed>,
+    mut notes: Vec<String>,
+) -> Result<MadeCloth, SimError> {
+    notes.splice(0..0, twist_notes(start, spec));
+    notes.extend(houndstooth_note(spec));
+    let lattice = start.elements.lattice;
+    let curves = ClothCurves { cell_um: lattice.cell_um, yarns: start.yarns.clone(), curves };
     let measures = measure(&curves, &lattice, &spec.yarns())?;
     let mut made = MadeCloth { curves, measures, relaxed, notes, looks: spec.looks() };
     made.notes.splice(0..0, made.unrest());
     Ok(made)
-}
-
-/// The spline of a chain. The elements are chords, which lie on average `l^2 kappa / 12` inside the arc
-/// through their nodes. A spline through the nodes lies on that arc, a spline with the nodes as control
-/// points `l^2 kappa / 6` inside it. The mean of both has the mean height of the elements.
-fn smooth(chain: &Chain, yarn: u32, lattice: &Lattice) -> PlyCurve {
-    let mut curve = PlyCurve::through(yarn, chain.radius_um, chain.shift, &chain.points_um, lattice);
-    for (control, node) in curve.control_um.iter_mut().zip(&chain.points_um) {
-        *control = std::array::from_fn(|k| 0.5 * (control[k] + node[k]));
-    }
-    curve
 }
 
 /// The starting chains of curves from a file.

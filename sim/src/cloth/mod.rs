@@ -10,6 +10,7 @@ mod files;
 mod flat;
 mod hairs;
 mod knit;
+mod large;
 mod make;
 mod measure;
 mod precompute;

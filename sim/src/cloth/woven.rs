@@ -4,7 +4,7 @@
 //! from end to end, instead of five of each.
 
 use super::relax::{Chain, Elements, Hold, Section, Station};
-use plywave::cloth::{ClothYarn, Lattice};
+use plywave::cloth::{ClothYarn, Lattice, PlyCurve};
 use plywave_textile::{Draft, YarnOfCloth};
 use std::f64::consts::{PI, TAU};
 
@@ -38,7 +38,7 @@ pub(super) struct Start {
 }
 
 /// Minimal cell `[i, j, k]` of a draft, spanned by the vectors (i, j) and (0, k) in ends and picks.
-fn minimal_cell(draft: &Draft) -> [usize; 3] {
+pub(super) fn minimal_cell(draft: &Draft) -> [usize; 3] {
     let (ends, picks) = (draft.ends(), draft.picks());
     let is_same = |i: usize, j: usize| {
         (0..picks).all(|p| (0..ends).all(|e| draft.up(p, e) == draft.up((p + j) % picks, (e + i) % ends)))
@@ -63,6 +63,11 @@ pub(super) fn nodes(draft: &Draft, yarns: [&YarnOfCloth; 2], spacing_um: [f64; 2
 /// Length of an element of a yarn [um].
 pub(super) fn element_um(yarn: &YarnOfCloth) -> f64 {
     ELEMENT[usize::from(yarn.bundles > 1)] * yarn.strand_radius_um()
+}
+
+/// Number of nodes of a yarn's period for elements of a length.
+pub(super) fn nodes_of(period_um: f64, element_um: f64) -> usize {
+    ((period_um / element_um).ceil() as usize).max(8)
 }
 
 /// Tension of a yarn; one of a given crimp has the usual one.
@@ -95,7 +100,18 @@ fn friction(tension: f64, apart_um: f64, spacing_um: f64, turns: f64) -> f64 {
 /// Lays out the starting chains of a draft with the yarns of warp and weft and the spacings of their axes
 /// [um]. Returns `None` if the vectors span no cell, which cannot happen for spacings above 0.
 pub(super) fn woven(draft: &Draft, yarns: [&YarnOfCloth; 2], spacing_um: [f64; 2]) -> Option<Start> {
-    let [i, j, k] = minimal_cell(draft);
+    woven_in(minimal_cell(draft), draft, yarns, spacing_um, yarns.map(element_um))
+}
+
+/// As [`woven`], in a cell of the draft that is spanned by the vectors (i, j) and (0, k) in ends and picks,
+/// with elements of these lengths [um].
+pub(super) fn woven_in(
+    [i, j, k]: [usize; 3],
+    draft: &Draft,
+    yarns: [&YarnOfCloth; 2],
+    spacing_um: [f64; 2],
+    element_um: [f64; 2],
+) -> Option<Start> {
     let [sx, sy] = spacing_um;
     let lattice = Lattice::new([[i as f64 * sx, j as f64 * sy], [0.0, k as f64 * sy]])?;
     let elements = Elements { lattice, chains: Vec::new(), sections: Vec::new(), thickness_um: None };
@@ -112,7 +128,7 @@ pub(super) fn woven(draft: &Draft, yarns: [&YarnOfCloth; 2], spacing_um: [f64; 2
         let z = |u: f64| height(amplitude[0], sy, &up, u);
         let turns = (0..picks).filter(|pick| up(*pick) != up(pick + 1)).count() as f64 / picks as f64;
         let grip = friction(tension[0], apart, sy, turns);
-        start.add(yarns[0], yarn, [(end as f64 + 0.5) * sx, 0.0], grip, z);
+        start.add(yarns[0], yarn, [(end as f64 + 0.5) * sx, 0.0], element_um[0], grip, z);
     }
     // A pick that continues into the cells to its right is another pick there.
     let wefts = gcd(j, k);
@@ -124,7 +140,7 @@ pub(super) fn woven(draft: &Draft, yarns: [&YarnOfCloth; 2], spacing_um: [f64; 2
         let z = |u: f64| height(amplitude[1], sx, &up, u);
         let turns = (0..ends).filter(|end| up(*end) != up(end + 1)).count() as f64 / ends as f64;
         let grip = friction(tension[1], apart, sx, turns);
-        start.add(yarns[1], yarn, [0.0, (pick as f64 + 0.5) * sy], grip, z);
+        start.add(yarns[1], yarn, [0.0, (pick as f64 + 0.5) * sy], element_um[1], grip, z);
     }
     Some(start)
 }
@@ -132,7 +148,15 @@ pub(super) fn woven(draft: &Draft, yarns: [&YarnOfCloth; 2], spacing_um: [f64; 2
 impl Start {
     /// Adds the strands of a yarn that is straight in the plane. Its axis starts at `from` [um]; `z` returns
     /// its height at a length along it [um], `grip` is its friction [force/um].
-    fn add(&mut self, spec: &YarnOfCloth, yarn: ClothYarn, from: [f64; 2], grip: f64, z: impl Fn(f64) -> f64) {
+    fn add(
+        &mut self,
+        spec: &YarnOfCloth,
+        yarn: ClothYarn,
+        from: [f64; 2],
+        element_um: f64,
+        grip: f64,
+        z: impl Fn(f64) -> f64,
+    ) {
         let way = self.elements.lattice.vector(yarn.period);
         let period_um = way[0].hypot(way[1]);
         let along = way.map(|v| v / period_um);
@@ -148,24 +172,23 @@ impl Start {
         let line_um = across[0] * from[0] + across[1] * from[1];
         let slip_um = SLIP * spec.radius_um();
         let hold = (grip > 0.0).then_some(Hold { across, line_um, slip_um, force_per_um: grip });
-        self.add_along(spec, yarn, period_um, |_| [hold, None], axis);
+        self.add_along(spec, yarn, (period_um, nodes_of(period_um, element_um)), |_| [hold, None], axis);
     }
 
     /// Adds the strands of a yarn about an axis. `axis` returns the point and the unit vector across at `s`,
-    /// which grows by 1 over a period and may exceed it. `length_um` is the length of a period. `holds`
-    /// returns the friction at `s`.
+    /// which grows by 1 over a period and may exceed it. `length_um` is the length of a period, `nodes` its
+    /// number of nodes. `holds` returns the friction at `s`.
     pub fn add_along(
         &mut self,
         spec: &YarnOfCloth,
         yarn: ClothYarn,
-        length_um: f64,
+        (length_um, nodes): (f64, usize),
         holds: impl Fn(f64) -> [Option<Hold>; 2],
         axis: impl Fn(f64) -> ([f64; 3], [f64; 3]),
     ) {
         let radius_um = spec.strand_radius_um();
         let places: Vec<[f64; 2]> = spec.section().iter().map(|p| p.map(|v| v * radius_um)).collect();
         let count = places.len();
-        let nodes = ((length_um / element_um(spec)).ceil() as usize).max(8);
         // The twist is rounded so that the section maps onto itself after a period.
         let symmetry = f64::from(spec.symmetry());
         let turn = if count > 1 { spec.twist().closed_rad(length_um, symmetry, 0.0) } else { 0.0 };
@@ -237,6 +260,17 @@ impl Start {
             }
         }
     }
+}
+
+/// The spline of a chain. The elements are chords, which lie on average `l^2 kappa / 12` inside the arc
+/// through their nodes. A spline through the nodes lies on that arc, a spline with the nodes as control
+/// points `l^2 kappa / 6` inside it. The mean of both has the mean height of the elements.
+pub(super) fn smooth(chain: &Chain, yarn: u32, lattice: &Lattice) -> PlyCurve {
+    let mut curve = PlyCurve::through(yarn, chain.radius_um, chain.shift, &chain.points_um, lattice);
+    for (control, node) in curve.control_um.iter_mut().zip(&chain.points_um) {
+        *control = std::array::from_fn(|k| 0.5 * (control[k] + node[k]));
+    }
+    curve
 }
 
 #[cfg(test)]

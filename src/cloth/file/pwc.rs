@@ -147,6 +147,7 @@ impl Document for ClothData {
         let tables = [
             "control_um",
             "shadow_free",
+            "shadow_table",
             "inter_yarn_caught",
             "inter_yarn_leaves",
             "inter_yarn_shape",
@@ -209,6 +210,10 @@ impl Document for ClothData {
         let free = self.shadows.free();
         let row = 2 * ROWS * shadow_table::COLUMNS * LANES;
         w.u8("shadow_free", &[free.len() / row, 2 * ROWS, shadow_table::COLUMNS, LANES], free);
+        let tables = self.shadows.tables();
+        if !tables.is_empty() {
+            w.f32("shadow_table", &[tables.len()], tables.iter().map(|table| *table as f32));
+        }
         let sides = &self.inter_yarn.sides;
         let of = |values: &dyn Fn(&Side) -> Vec<f32>| sides.iter().flat_map(values).collect::<Vec<f32>>();
         let caught = of(&|s| s.caught.as_flattened().as_flattened().to_vec());
@@ -249,7 +254,7 @@ impl Document for ClothData {
         let mut points = points.as_chunks::<3>().0.iter().copied();
         let curves = keys.curves.iter().map(|c| {
             let control_um: Vec<[f64; 3]> = points.by_ref().take(c.points).collect();
-            PlyCurve { yarn: c.yarn, radius_um: c.radius_um, shift: c.shift, control_um }
+            PlyCurve { yarn: c.yarn, radius_um: c.radius_um, shift: c.shift, control_um, alike: Vec::new() }
         });
         let curves = ClothCurves { cell_um: keys.cell_um, yarns: keys.yarns.clone(), curves: curves.collect() };
         let wanted = keys.curves.iter().fold(0usize, |sum, c| sum.saturating_add(c.points));
@@ -262,7 +267,13 @@ impl Document for ClothData {
         let free = r.u8("shadow_free", &[shape[0], 2 * ROWS, shadow_table::COLUMNS, LANES])?;
         let counts: Vec<u32> = keys.curves.iter().map(|c| c.places).collect();
         let knots = curves.curves.iter().map(|c| c.control_um.len());
-        let shadows = ClothShadows::of(&counts, knots, free).ok_or_else(|| {
+        let tables = match r.has("shadow_table") {
+            true => {
+                r.f32("shadow_table", &r.shape("shadow_table", 1)?)?.into_iter().map(|table| table as u32).collect()
+            }
+            false => Vec::new(),
+        };
+        let shadows = ClothShadows::of(&counts, knots, tables, free).ok_or_else(|| {
             invalid(r.file(), "shadow_free", format!("{} places", shape[0]), "expected those of the curves")
         })?;
         let caught = rows::<SIGMAS>(r.f32("inter_yarn_caught", &[2, CLASSES, 3, COUNT, SIGMAS])?);

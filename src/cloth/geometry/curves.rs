@@ -60,6 +60,10 @@ pub struct PlyCurve {
     pub shift: [i32; 2],
     /// Control points of the uniform cubic B-spline over one period [um].
     pub control_um: Vec<[f64; 3]>,
+    /// Numbers of equal parts of the period: parts of the cloth's curves with the same number have the same
+    /// surroundings. Empty if that is unknown; files do not keep it.
+    #[serde(skip)]
+    pub alike: Vec<u32>,
 }
 
 /// A point of a curve with its derivatives.
@@ -111,7 +115,7 @@ impl PlyCurve {
             c[0] += e[0];
             c[1] += e[1];
         }
-        PlyCurve { yarn, radius_um, shift, control_um: control }
+        PlyCurve { yarn, radius_um, shift, control_um: control, alike: Vec::new() }
     }
 
     /// The same curve with twice the knots: knot `i` of this curve is knot `2 i` of the result (Lane and

@@ -16,7 +16,7 @@ const VOXEL: f64 = 2.0;
 /// Number of chords that are tested at once.
 pub(crate) const LANES: usize = 8;
 /// Largest number of voxels in a cell.
-const MAX_VOXELS: f64 = 65_536.0;
+const MAX_VOXELS: f64 = 1_048_576.0;
 /// Largest number of pieces in a cloth.
 const MAX_PIECES: f64 = 5e5;
 /// Largest number of entries of all voxels, and largest mean number of pieces per voxel.

@@ -2,8 +2,8 @@
 //! without hitting another ply.
 //!
 //! The probabilities are tabulated for each curve of the cell over the place along it, the offset from its
-//! axis and the direction, from lines traced through the cloth (`plywave_sim`). The table of one place is
-//! described in `shadow_table.rs`.
+//! axis and the direction, from lines traced through the cloth (`plywave_sim`). Places with equal
+//! surroundings share a table; the table of one place is described in `shadow_table.rs`.
 
 use crate::cloth::geometry::lines::{ClothLines, LineHit};
 use crate::cloth::shade::shadow_table::{ALL_FREE, SIZE, ShadowsAt, Toward, free};
@@ -24,19 +24,38 @@ struct Places {
 #[derive(Clone, Debug)]
 pub struct ClothShadows {
     curves: Vec<Places>,
-    /// `[place][row][column][LANES]`; 255 represents `MAX_SHARE`.
+    /// `[place]`: its table in `free`; empty if each place has its own.
+    tables: Vec<u32>,
+    /// `[table][row][column][LANES]`; 255 represents `MAX_SHARE`.
     free: Vec<u8>,
 }
 
 impl ClothShadows {
-    /// Builds the table from the numbers of places and knots of each curve; `None` if the sizes do not match.
-    pub fn of(counts: &[u32], knots: impl Iterator<Item = usize>, free: Vec<u8>) -> Option<ClothShadows> {
+    /// Builds the table from the numbers of places and knots of each curve, and from the table of each place,
+    /// which is empty if each place has its own. `None` if the sizes do not match.
+    pub fn of(
+        counts: &[u32],
+        knots: impl Iterator<Item = usize>,
+        tables: Vec<u32>,
+        free: Vec<u8>,
+    ) -> Option<ClothShadows> {
         let (mut curves, mut first) = (Vec::new(), 0u32);
         for (count, knots) in counts.iter().zip(knots) {
             curves.push(Places { first, count: *count, per_knot: *count as f32 / knots as f32 });
             first = first.checked_add(*count).filter(|_| *count > 0)?;
         }
-        (free.len() == first as usize * SIZE).then_some(ClothShadows { curves, free })
+        let (places, count) = (first as usize, free.len() / SIZE);
+        let fit = if tables.is_empty() {
+            count == places
+        } else {
+            tables.len() == places && tables.iter().all(|table| (*table as usize) < count)
+        };
+        (fit && free.len() == count * SIZE).then_some(ClothShadows { curves, tables, free })
+    }
+
+    /// `[place]`: number of its table; empty if each place has its own.
+    pub fn tables(&self) -> &[u32] {
+        &self.tables
     }
 
     /// Number of places of each curve.
@@ -50,7 +69,7 @@ impl ClothShadows {
     }
 
     pub(crate) fn memory_bytes(&self) -> usize {
-        self.free.len() + size_of_val(self.curves.as_slice())
+        self.free.len() + size_of_val(self.curves.as_slice()) + size_of_val(self.tables.as_slice())
     }
 }
 
@@ -88,7 +107,8 @@ impl<'a> ClothShade<'a> {
         let (place, between) = floor_fraction(self.at + s * self.per_radius);
         let count = self.places.count as i32;
         let row = |place: i32| -> &'a [u8; SIZE] {
-            let at = self.places.first as usize + place.rem_euclid(count) as usize;
+            let place = self.places.first as usize + place.rem_euclid(count) as usize;
+            let at = self.shadows.tables.get(place).map_or(place, |table| *table as usize);
             self.shadows.free.get(at * SIZE..).and_then(|rows| rows.first_chunk()).unwrap_or(&[ALL_FREE; SIZE])
         };
         ShadowsAt { rows: [row(place), row(place.wrapping_add(1))], between }

@@ -33,6 +33,7 @@ pub fn run(cli: &Cli, args: &WeaveArgs) -> Outcome {
     };
     let mut recipe = cloth_file::recipe(&args.cloth)?;
     recipe.quality = args.preset.map(Preset::quality);
+    recipe.is_draft = args.draft;
     // What is quick to refuse comes first, models that may take minutes last.
     let plies = match is_cloth {
         true => Some(recipe.plies(&cli.library()?).map_err(pipeline_failure)?),

@@ -11,7 +11,7 @@
 //! turn presses on them with 2 T; friction takes mu times these 4 T at most.
 
 use super::super::relax::{Elements, Hold};
-use super::super::woven::{FRICTION, SLIP, Start, axis_tension, element_um, max_nodes};
+use super::super::woven::{FRICTION, SLIP, Start, axis_tension, element_um, max_nodes, nodes_of};
 use super::curves::StartCurve;
 use super::kinds::Knit;
 use plywave::cloth::{ClothYarn, Lattice};
@@ -79,7 +79,7 @@ fn add(
         };
         [hold(0), hold(1)]
     };
-    start.add_along(yarn, of, length_um, holds, |s| line.at(s));
+    start.add_along(yarn, of, (length_um, nodes_of(length_um, element_um(yarn))), holds, |s| line.at(s));
     for chain in &mut start.elements.chains[first..] {
         // Plies of several are helices about the axis; their starting length already includes the helix.
         let periods = if curve.shift[0] == 0 { chain.shift[1] } else { chain.shift[0] };

@@ -70,7 +70,7 @@ pub fn precompute(
     let models: Vec<Arc<PlyModel>> =
         models.iter().map(|m| Ok(Arc::new(m.of_lines()?))).collect::<Result<_, Error>>()?;
     let plies = ClothPlies::new(curves, &models)?;
-    let shadows = shadows::shadows(&plies, effort, progress)?;
+    let shadows = shadows::shadows(&plies, curves, effort, progress)?;
     let hairs = hairs::hair_layer(spec, curves, &plies, progress)?;
     let paths = follow::ClothPaths { plies: &plies, shadows: &shadows, hairs: hairs.as_ref() };
     let inter_yarn = inter_yarn::inter_yarn(&paths, effort, progress)?;

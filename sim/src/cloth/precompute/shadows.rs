@@ -3,13 +3,14 @@
 
 use super::{Effort, Progress, parts};
 use crate::error::SimError;
-use plywave::cloth::LineHits;
 use plywave::cloth::geometry::{AxisAt, ClothPlies};
 use plywave::cloth::shade::{
     BANDS, COLUMNS, ClothShadows, LANES, MAX_SHARE, OFFSETS, ROWS, SHADOW_BYTES as SIZE, exit, is_own, z_of,
 };
+use plywave::cloth::{ClothCurves, LineHits};
 use plywave::math::hash::SplitMix64;
 use plywave::math::vec3::{cross, dot};
+use std::collections::HashMap;
 use std::f32::consts::TAU;
 
 /// Distance of two places along a ply, over its radius.
@@ -25,30 +26,74 @@ const MAX_AREA: f32 = 2.5;
 /// Transmittance below which a line counts as occluded.
 const MIN_FREE: f32 = 1e-3;
 
-/// Computes the shadows of the plies of a cloth.
-pub(super) fn shadows(plies: &ClothPlies, effort: Effort, progress: Progress<'_>) -> Result<ClothShadows, SimError> {
-    let lines = &plies.lines;
-    let length = |curve: usize| {
-        let knots = lines.knots(curve);
-        (0..knots).map(|k| lines.speed_um(curve, k as f32 + 0.5)).sum::<f32>()
-    };
-    let wanted: Vec<f32> = (0..lines.curves()).map(|c| length(c) / (STEP * lines.radius_um(c))).collect();
-    let less = (MAX_PLACES / wanted.iter().sum::<f32>()).min(1.0);
-    let counts: Vec<u32> = wanted.iter().map(|wanted| (less * wanted).ceil().max(2.0) as u32).collect();
-    let mut places = Vec::new();
-    for (curve, count) in counts.iter().enumerate() {
-        let per_knot = *count as f32 / lines.knots(curve) as f32;
-        places.extend((0..*count).map(|place| (curve, place as f32 / per_knot, 1.0 / per_knot)));
+/// The places of all curves: number of places of each curve, curve, parameter and width of each place, and
+/// the first place with the same surroundings.
+struct Places {
+    counts: Vec<u32>,
+    all: Vec<(usize, f32, f32)>,
+    like: Vec<usize>,
+}
+
+impl Places {
+    fn new(plies: &ClothPlies, curves: &ClothCurves) -> Places {
+        let lines = &plies.lines;
+        let length = |curve: usize| {
+            let knots = lines.knots(curve);
+            (0..knots).map(|k| lines.speed_um(curve, k as f32 + 0.5)).sum::<f32>()
+        };
+        let wanted: Vec<f32> = (0..lines.curves()).map(|c| length(c) / (STEP * lines.radius_um(c))).collect();
+        let is_shared = curves.curves.iter().all(|curve| !curve.alike.is_empty());
+        let less = if is_shared { 1.0 } else { (MAX_PLACES / wanted.iter().sum::<f32>()).min(1.0) };
+        let mut places = Places { counts: Vec::new(), all: Vec::new(), like: Vec::new() };
+        let mut first_of: HashMap<(u32, u32), usize> = HashMap::new();
+        for (curve, wanted) in wanted.iter().enumerate() {
+            let alike = &curves.curves[curve].alike;
+            // A whole number of places in each part of a curve.
+            let parts = alike.len().max(1) as f32;
+            let of_part =
+                if is_shared { (less * wanted / parts).ceil().max(1.0) } else { (less * wanted).ceil().max(2.0) };
+            let count = (of_part * parts) as u32;
+            let per_knot = count as f32 / lines.knots(curve) as f32;
+            for place in 0..count {
+                let number = places.all.len();
+                let like = match alike.get((place / of_part as u32) as usize).filter(|_| is_shared) {
+                    Some(part) => *first_of.entry((*part, place % of_part as u32)).or_insert(number),
+                    None => number,
+                };
+                places.like.push(like);
+                places.all.push((curve, place as f32 / per_knot, 1.0 / per_knot));
+            }
+            places.counts.push(count);
+        }
+        places
     }
-    let count = (LINES / places.len().max(1)).clamp(LINES_OF_ONE[0], LINES_OF_ONE[1]);
+}
+
+/// Computes the shadows of the plies of a cloth.
+pub(super) fn shadows(
+    plies: &ClothPlies,
+    curves: &ClothCurves,
+    effort: Effort,
+    progress: Progress<'_>,
+) -> Result<ClothShadows, SimError> {
+    let Places { counts, all, like } = Places::new(plies, curves);
+    let own: Vec<usize> = (0..all.len()).filter(|place| like[*place] == *place).collect();
+    let count = (LINES / own.len().max(1)).clamp(LINES_OF_ONE[0], LINES_OF_ONE[1]);
     let count = if effort == Effort::Draft { 1 } else { count };
-    let rows = parts("shadows", places.len(), progress, |i| {
+    let rows = parts("shadows", own.len(), progress, |i| {
         let mut row = [0; SIZE];
-        fill(&mut row, plies, places[i], i as u64, count);
+        fill(&mut row, plies, all[own[i]], i as u64, count);
         row
     })?;
-    let knots = (0..lines.curves()).map(|curve| lines.knots(curve));
-    Ok(ClothShadows::of(&counts, knots, rows.concat()).expect("a row for each place"))
+    let tables = if own.len() == all.len() {
+        Vec::new()
+    } else {
+        let mut table = vec![0; all.len()];
+        own.iter().enumerate().for_each(|(number, place)| table[*place] = number as u32);
+        like.iter().map(|place| table[*place]).collect()
+    };
+    let knots = (0..plies.lines.curves()).map(|curve| plies.lines.knots(curve));
+    Ok(ClothShadows::of(&counts, knots, tables, rows.concat()).expect("a table for each place"))
 }
 
 /// Fills the row of one place, given by its curve and its middle and width in the curve's parameter.

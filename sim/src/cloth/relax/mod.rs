@@ -19,12 +19,13 @@ mod elements;
 mod energy;
 mod factor;
 mod minimize;
+mod part;
 
-use super::precompute::Effort;
 use contacts::{Middles, contacts, pairs};
 pub(super) use elements::{Chain, Elements, Hold, Nodes, Section, Station};
 use energy::System;
 use minimize::minimize;
+pub(super) use part::part;
 
 /// A stage of the relaxation.
 struct Stage {
@@ -44,10 +45,18 @@ const STAGES: [Stage; 4] = [
     Stage { stiffness: 100.0, force: 1e-2, steps: 1000, done: 0.65 },
     Stage { stiffness: 500.0, force: 1e-5, steps: 4000, done: 1.0 },
 ];
-/// Force at which stages end before the last, over their own, for [`Effort::Draft`].
-const DRAFT_STAGES: f64 = 3.0;
-/// Force at which [`Effort::Draft`] ends, over the tension.
-const DRAFT_FORCE: f64 = 1e-3;
+/// Forces at which the stages of [`Rest::Near`] end: over their own before the last, and over the tension.
+const NEAR_STAGES: f64 = 3.0;
+const NEAR_FORCE: f64 = 1e-3;
+
+/// How exactly forces are balanced.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Rest {
+    /// To 1e-5 of the tension.
+    Full,
+    /// To 1e-3 of the tension.
+    Near,
+}
 /// Maximum overlap of two strands of a cloth over their mean radius.
 pub const MAX_OVERLAP: f64 = 0.02;
 
@@ -66,23 +75,19 @@ pub struct Relaxed {
 
 /// Relaxes a cloth in stages of increasing contact stiffness. `go_on` is called at every step with the share
 /// of the work that is done, an estimate that never goes down; the result is `None` once it returns `false`.
-pub(super) fn relax(cloth: &mut Elements, effort: Effort, go_on: &(dyn Fn(f64) -> bool + Sync)) -> Option<Relaxed> {
-    follow(cloth, effort, &mut |share, _| go_on(share))
+pub(super) fn relax(cloth: &mut Elements, rest: Rest, go_on: &(dyn Fn(f64) -> bool + Sync)) -> Option<Relaxed> {
+    follow(cloth, rest, &mut |share, _| go_on(share))
 }
 
 /// As [`relax`]; `go_on` gets the coordinates of all nodes, too.
-pub(super) fn follow(
-    cloth: &mut Elements,
-    effort: Effort,
-    go_on: &mut dyn FnMut(f64, &[f64]) -> bool,
-) -> Option<Relaxed> {
+pub(super) fn follow(cloth: &mut Elements, rest: Rest, go_on: &mut dyn FnMut(f64, &[f64]) -> bool) -> Option<Relaxed> {
     let mut system = System::new(cloth);
     let mut x = cloth.coordinates();
     let mut relaxed = Relaxed { nodes: system.nodes.len(), steps: 0, force: f64::INFINITY, overlap: 0.0 };
     let (mut before, mut share) = (0.0, 0.0f64);
     for stage in STAGES {
-        let of_draft = (DRAFT_STAGES * stage.force).max(DRAFT_FORCE);
-        let force = if effort == Effort::Draft { of_draft } else { stage.force };
+        let near = (NEAR_STAGES * stage.force).max(NEAR_FORCE);
+        let force = if rest == Rest::Near { near } else { stage.force };
         system.stiffen(stage.stiffness, before < 0.5);
         let mut first = None;
         let mut report = |now: f64, x: &[f64]| {
@@ -243,7 +248,7 @@ mod tests {
                 shares.push(share);
                 true
             };
-            let relaxed = relax(&mut cloth, Effort::Full, &go_on).unwrap();
+            let relaxed = relax(&mut cloth, Rest::Full, &go_on).unwrap();
             println!("{weave}: {relaxed:?}");
             assert!(relaxed.force <= 1e-5 && relaxed.steps < most, "{weave}: {relaxed:?}");
             assert!(relaxed.overlap < MAX_OVERLAP);

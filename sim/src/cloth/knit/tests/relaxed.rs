@@ -2,8 +2,7 @@
 
 use super::super::layout::knitted;
 use super::Random;
-use crate::cloth::precompute::Effort;
-use crate::cloth::relax::{Elements, MAX_OVERLAP, Nodes, follow, touching};
+use crate::cloth::relax::{Elements, MAX_OVERLAP, Nodes, Rest, follow, touching};
 use plywave_textile::{ClothSpec, ClothWeave};
 
 type Vector = [f64; 3];
@@ -101,7 +100,7 @@ fn relaxed(text: &str) -> (usize, f64, f64, usize) {
             }
             true
         };
-        follow(&mut cloth, Effort::Full, &mut step).unwrap()
+        follow(&mut cloth, Rest::Full, &mut step).unwrap()
     };
     (passed, relaxed.force, relaxed.overlap, relaxed.steps)
 }
