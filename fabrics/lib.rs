@@ -59,8 +59,6 @@ pub static SPECS: &[(&str, &[u8])] = files![
     "viscose.toml",
     "wool.toml",
     "wool_2ply.toml",
-    "cloths/brocade.png",
-    "cloths/brocade.toml",
     "cloths/cable.toml",
     "cloths/damask.png",
     "cloths/damask.toml",

@@ -1,11 +1,11 @@
 #!/usr/bin/env python3
-"""Draws the pictures of two jacquard cloths: fabrics/cloths/damask.png and brocade.png.
+"""Draws the pictures of two jacquard cloths: fabrics/cloths/damask.png and textile/tests/data/brocade.png.
 
 A pixel is an end and a row of picks. Shapes are given in centimeters of the cloth, with y upwards, and are painted on
 a canvas of 4 x 4 samples a pixel, which repeats in both directions. The color of most samples is that of the pixel.
 The same figures are made on each run. Needs Python 3.11 and no packages.
 
-Usage: draft_pictures.py [FOLDER], by default fabrics/cloths.
+Usage: draft_pictures.py [FOLDER], by default the two folders.
 """
 import struct
 import sys
@@ -367,13 +367,14 @@ def brocade(canvas):
 
 
 def main():
-    folder = Path(sys.argv[1]) if len(sys.argv) > 1 else Path(__file__).resolve().parent.parent / "fabrics/cloths"
+    root = Path(__file__).resolve().parent.parent
+    cloths, tests = [Path(sys.argv[1])] * 2 if len(sys.argv) > 1 else [root / "fabrics/cloths", root / "textile/tests/data"]
     canvas = Canvas(240, 200, 80, 50)
     damask(canvas)
-    write_png(folder / "damask.png", cleaned(canvas.pixels(), 6), ["#ffffff", "#000000"])
+    write_png(cloths / "damask.png", cleaned(canvas.pixels(), 6), ["#ffffff", "#000000"])
     canvas = Canvas(128, 96, 50, 30)
     brocade(canvas)
-    write_png(folder / "brocade.png", cleaned(canvas.pixels(), 4), ["#ffffff", "#d0a030", "#c02040", "#208040"])
+    write_png(tests / "brocade.png", cleaned(canvas.pixels(), 4), ["#ffffff", "#d0a030", "#c02040", "#208040"])
 
 
 if __name__ == "__main__":

@@ -5,7 +5,8 @@
 #[test]
 fn jacquard_cloths_are_woven() {
     let read = |name: &str| {
-        let path = format!("{}/../fabrics/cloths/{name}", env!("CARGO_MANIFEST_DIR"));
+        let folder = if name.starts_with("damask") { "../fabrics/cloths" } else { "tests/data" };
+        let path = format!("{}/{folder}/{name}", env!("CARGO_MANIFEST_DIR"));
         std::fs::read(&path).unwrap_or_else(|e| panic!("{path}: {e}"))
     };
     let woven = |name: &str| {
