@@ -179,8 +179,7 @@ pub struct WeaveArgs {
     /// those that are built].
     #[arg(long, value_enum)]
     pub preset: Option<Preset>,
-    /// Lay woven yarns out and part them where they overlap, without forces: a quick shape for look
-    /// development.
+    /// Make a quick shape for look development: relaxed less, and of a large draft without forces.
     #[arg(long)]
     pub draft: bool,
     /// End with exit code 1, and write no file, if the cloth did not come to rest.

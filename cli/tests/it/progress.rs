@@ -24,11 +24,11 @@ fn cloths_and_packings_show_how_far_they_are() {
     succeed(dir, &["new", "percale", "-q"]);
     succeed(dir, &["new", "cotton", "-q"]);
     let shown = on_a_terminal(dir, "weave percale.toml");
-    assert!(shown.contains("curves") && shown.contains(" steps/s") && shown.contains("thickness"), "{shown}");
+    assert!(shown.contains("curves [") && shown.contains(" left") && shown.contains("thickness"), "{shown}");
     let shown = on_a_terminal(dir, "info cotton.toml");
     assert!(shown.contains("pack [") && shown.contains(" plies/s") && shown.contains("yarn spec of cotton"), "{shown}");
     for quiet in ["weave percale.toml -q", "info cotton.toml -q"] {
         let shown = on_a_terminal(dir, quiet);
-        assert!(!shown.contains("steps") && !shown.contains("pack ["), "{shown}");
+        assert!(!shown.contains("curves [") && !shown.contains("pack ["), "{shown}");
     }
 }

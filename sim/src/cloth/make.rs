@@ -25,7 +25,7 @@ pub const MAX_FORCE: f64 = 0.05;
 const MAX_SHARED: f64 = 0.05;
 /// Overlap over the radius above which the yarns of a draft are parted, and number of rounds.
 const PARTED: f64 = 0.03;
-const ROUNDS: usize = 60;
+const ROUNDS: usize = 20;
 /// Search for spacings that fit a weave that is too dense: growth factor of a step, maximum number of steps,
 /// and bisections of the last step.
 const WIDER: f64 = 1.3;
@@ -66,8 +66,8 @@ const SPACING_UM: std::ops::RangeInclusive<f64> = 10.0..=1e5;
 
 /// Makes the curves of a cloth. `read` returns the bytes of the file that the spec names, a WIF or curves.
 /// `go_on` is called at every step of the relaxation with the estimated share that is done, from 0 to 1, and
-/// stops it by returning `false`. With [`Effort::Draft`] woven yarns are laid out and parted where they
-/// overlap instead of relaxed, and forces in other cloths are balanced less exactly.
+/// stops it by returning `false`. With [`Effort::Draft`] forces are balanced less exactly, and yarns of a
+/// large draft are laid out and parted where they overlap instead of relaxed.
 ///
 /// # Errors
 /// [`SimError::Stopped`], and [`Error::Invalid`] for a draft that leaves a yarn unbound, for yarns too thick
@@ -137,8 +137,8 @@ pub fn make_cloth(
                 };
             }
             check_floats(file, "weave", &draft, spacing)?;
-            let loom = Loom { spec, file, draft, yarns, spacing_um: spacing, go_on };
-            let mut made = if effort == Effort::Draft { loom.sketch(notes)? } else { loom.weave(notes)? };
+            let loom = Loom { spec, file, draft, yarns, spacing_um: spacing, rest, go_on };
+            let mut made = loom.weave(notes)?;
             for (look, colors) in made.looks.iter_mut().zip(in_wif) {
                 if look.colors == [YarnColor::Undyed] && !colors.is_empty() {
                     look.colors = colors.into_iter().map(YarnColor::Srgb).collect();
@@ -204,6 +204,7 @@ struct Loom<'a> {
     draft: Draft,
     yarns: [&'a YarnOfCloth; 2],
     spacing_um: [f64; 2],
+    rest: Rest,
     go_on: &'a (dyn Fn(f64) -> bool + Sync),
 }
 
@@ -215,19 +216,20 @@ impl Loom<'_> {
     /// The curves of the draft.
     fn weave(&self, notes: Vec<String>) -> Result<MadeCloth, SimError> {
         let [i, _, k] = minimal_cell(&self.draft);
-        let made = if i * k < LARGE { self.weave_whole(notes)? } else { self.weave_tiles(notes)? };
+        let made = match (i * k < LARGE, self.rest) {
+            (true, _) => self.weave_whole(notes)?,
+            (false, Rest::Full) => self.weave_tiles(notes)?,
+            (false, Rest::Near) => return self.sketch(notes),
+        };
         check_shared(&made, self.spec).map_err(|(value, what)| self.invalid("weave", value, what))?;
         Ok(made)
     }
 
-    /// Lays the yarns out and parts them where they overlap, without forces.
+    /// Lays the yarns of a large draft out and parts them where they overlap, without forces.
     fn sketch(&self, mut notes: Vec<String>) -> Result<MadeCloth, SimError> {
-        let (mut draft, mut cell) = (self.draft.clone(), minimal_cell(&self.draft));
-        if cell[0] * cell[2] >= LARGE {
-            draft = self.draft.reduced();
-            self.check_size(&draft)?;
-            cell = [draft.ends(), 0, draft.picks()];
-        }
+        let draft = self.draft.reduced();
+        self.check_size(&draft)?;
+        let cell = [draft.ends(), 0, draft.picks()];
         let element_um = self.yarns.map(|yarn| ELEMENT[1] * yarn.strand_radius_um());
         let start = woven_in(cell, &draft, self.yarns, self.spacing_um, element_um);
         let mut start = start.ok_or_else(|| self.no_cell())?;
@@ -268,7 +270,7 @@ impl Loom<'_> {
             return Err(self.invalid("weave", format!("{nodes:.1e} nodes"), hint));
         }
         let start = self.start(&self.draft, self.spacing_um)?;
-        let (start, relaxed) = relaxed(start, self.spec.thickness_um, Rest::Full, self.go_on)?;
+        let (start, relaxed) = relaxed(start, self.spec.thickness_um, self.rest, self.go_on)?;
         if relaxed.overlap > MAX_OVERLAP {
             return Err(self.too_dense(&self.draft, relaxed.overlap)?);
         }
