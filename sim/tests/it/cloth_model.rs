@@ -3,6 +3,7 @@
 use plywave::Document;
 use plywave::bsdf::{Bsdf, BsdfSample};
 use plywave::cloth::{ClothData, ClothModel, ClothOptions, ColorOf, GapLight, YarnColor};
+use plywave::math::hash::SplitMix64;
 use plywave::{ClothQuery, PlyModel};
 use plywave_runs::Run;
 use plywave_sim::cloth::{Effort, make_cloth, precompute};
@@ -217,6 +218,67 @@ fn drafts_are_near_the_cloth() {
             let [of_draft, of_cloth] = [&draft, cloth].map(|data| mean(data, direction(z, 0.1)));
             println!("{name}, cosine {z}: {of_draft:.4} of {of_cloth:.4}");
             assert!((of_draft - of_cloth).abs() < 0.02, "{name}, {z}: {of_draft}, {of_cloth}");
+        }
+    }
+}
+
+/// Reflected and transmitted light of a cloth with an absorption, as a mean over even samples of places and
+/// directions; straight light counts as transmitted.
+fn reflected_and_passed(data: &ClothData, wo: [f32; 3], sigma: f32) -> [f64; 2] {
+    const SAMPLES: usize = 400_000;
+    let model = ClothModel::from_data(data.clone(), &ClothOptions::RAYS).unwrap();
+    let (mut sums, mut rng) = ([0.0; 2], SplitMix64(7));
+    for _ in 0..SAMPLES {
+        // Places of the whole repeat, whatever its size.
+        let [x, y, u @ ..]: [f32; 5] = std::array::from_fn(|_| rng.next_f64() as f32);
+        let at = [6e4 * x, 6e4 * y];
+        match model.at(&query(at, wo, [sigma])).sample(u) {
+            BsdfSample::Scattered(s) => sums[usize::from(s.w[2] * wo[2] < 0.0)] += f64::from(s.weight[0]),
+            BsdfSample::Straight { weight, .. } => sums[1] += f64::from(weight[0]),
+            BsdfSample::Absorbed => {}
+        }
+    }
+    sums.map(|sum| sum / SAMPLES as f64)
+}
+
+/// A large draft comes from tiles, and its places share tables of shadows: a twill of 40 x 40 threads with
+/// one flaw reflects and transmits as the twill of four does, from its file, too.
+#[test]
+#[ignore = "slow: 20 s: a twill from tiles is the twill"]
+fn a_twill_from_tiles_is_the_twill() {
+    let path = format!("{}/../fabrics/models/cotton_single.pwm", env!("CARGO_MANIFEST_DIR"));
+    let models = vec![Arc::new(PlyModel::load(path).unwrap()); 2];
+    let made = |rows: usize, flaw: bool| {
+        let up = |pick: usize, end: usize| (pick + 4 * rows - end) % 4 < 2;
+        let row = |pick: usize| -> String {
+            let is_up = |end: usize| up(pick, end) != (flaw && pick == 7 && end == 9);
+            (0..rows).map(|end| if is_up(end) { 'X' } else { '.' }).collect()
+        };
+        let rows: Vec<String> = (0..rows).rev().map(|pick| format!("\"{}\"", row(pick))).collect();
+        let text = format!(
+            "name = \"twill\"\n[weave]\nkind = \"draft\"\nrows = [{}]\nends_per_cm = 46\npicks_per_cm = 38\n\
+             [warp]\nfiber = \"cotton\"\ncount = \"Ne 30\"\nbundles = 1\ntwist = \"Z 750/m\"\n[weft]\nas = \"warp\"\n",
+            rows.join(", ")
+        );
+        let spec = ClothSpec::parse(&text, "twill").unwrap();
+        let no_file = &mut |file: &str| panic!("{file} is not to be read");
+        let made = make_cloth(&spec, "twill", no_file, Effort::Full, &|_| true).unwrap();
+        precompute(&spec, &text, &made.curves, &models, Effort::Near, &|_| true).unwrap()
+    };
+    let (small, large) = (made(4, false), made(40, true));
+    assert!(small.shadows.tables().is_empty() && large.curves.curves.len() == 80);
+    let tables = large.shadows.tables();
+    let count = tables.iter().max().unwrap() + 1;
+    println!("{count} tables of {} places", tables.len());
+    assert!(tables.len() > 5000 && 2 * (count as usize) < tables.len());
+    let read = ClothData::from_bytes(&large.to_bytes().unwrap(), "twill.pwc").unwrap();
+    assert!(read.shadows.tables() == tables && read.shadows.free() == large.shadows.free());
+    for (z, turn) in [(1.0, 0.1), (0.7, 0.0), (0.5, 0.25), (-0.6, 0.4)] {
+        for sigma in [0.0, 0.01] {
+            let wo = direction(z, turn);
+            let [a, b] = [&small, &read].map(|data| reflected_and_passed(data, wo, sigma));
+            println!("{z} {turn}, sigma {sigma}: R {:.4} {:.4}, T {:.4} {:.4}", a[0], b[0], a[1], b[1]);
+            assert!((0..2).all(|k| (a[k] - b[k]).abs() < 0.005), "{z} {turn}: {a:?} {b:?}");
         }
     }
 }

@@ -54,6 +54,7 @@ impl Found {
 
     fn new(paths: &ClothPaths<'_>, beams: usize, chunk: usize) -> Found {
         let mut found = Found::none();
+        let is_small = paths.shadows.tables().is_empty();
         for side in 0..2 {
             let mut rng = SplitMix64(0x70_6c79 + (2 * chunk + side) as u64);
             let sign = if side == 0 { 1.0 } else { -1.0 };
@@ -62,7 +63,11 @@ impl Found {
                 // are uniform over the hemisphere, half are cosine-weighted.
                 let even = |step: f64| (0.5 + k as f64 * step).fract();
                 let (u, turn) = (even(0.856_674_883_854_502_9) as f32, even(0.733_891_856_627_126_9));
-                let place = [even(0.628_706_721_042_211_5), even(0.538_597_257_223_612_7)];
+                // Over a cell of many crossings the sequence of places would go with that of directions.
+                let place = match is_small {
+                    true => [even(0.628_706_721_042_211_5), even(0.538_597_257_223_612_7)],
+                    false => [rng.next_f64(), rng.next_f64()],
+                };
                 let is_followed = k % FOLLOWED < 2;
                 let cosine_weighted = k % 2 == 0;
                 let z = if cosine_weighted { u.sqrt() } else { u }.max(2e-3);
