@@ -247,7 +247,8 @@ fn reflected_and_passed(data: &ClothData, wo: [f32; 3], sigma: f32) -> [f64; 2] 
 #[ignore = "slow: 20 s: a twill from tiles is the twill"]
 fn a_twill_from_tiles_is_the_twill() {
     let path = format!("{}/../fabrics/models/cotton_single.pwm", env!("CARGO_MANIFEST_DIR"));
-    let models = vec![Arc::new(PlyModel::load(path).unwrap()); 2];
+    let model = Arc::new(PlyModel::load(path).unwrap());
+    let models = [Arc::clone(&model), model];
     let made = |rows: usize, flaw: bool| {
         let up = |pick: usize, end: usize| (pick + 4 * rows - end) % 4 < 2;
         let row = |pick: usize| -> String {
