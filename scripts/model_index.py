@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Writes fabrics/models/plies.json: the spec of the ply of every model in fabrics/models, by name, without comments.
+"""Writes fabrics/models/plies.json: the spec of the ply of every model in fabrics/models, by name.
 
 Programs without a file system find the model of a yarn by it.
 
@@ -15,8 +15,7 @@ program = sys.argv[1] if len(sys.argv) > 1 else root / "target/release/plywave"
 index = {}
 for model in sorted((root / "fabrics/models").glob("*.pwm")):
     info = json.loads(subprocess.run([program, "info", model, "--json"], check=True, capture_output=True).stdout)
-    lines = (line for line in info["spec"].splitlines() if line.strip() and not line.lstrip().startswith("#"))
-    index[model.stem] = "\n".join(lines) + "\n"
+    index[model.stem] = info["spec"]
 path = root / "fabrics/models/plies.json"
 path.write_text(json.dumps(index, indent=1) + "\n")
 print(f"{path.relative_to(root)}: {len(index)} models")

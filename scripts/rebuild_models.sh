@@ -15,10 +15,10 @@ seed=${SEED:-1}
 out=${OUT:-fabrics/models}
 tables=${TABLES:-target/tables}/$preset-$seed
 yarns=("$@")
-# Plies of cloths, each with a cloth of whose warp or only yarn it is.
-declare -A plies=([cotton_bundle_ne40]=percale [cotton_bundle_ne7]=denim [cotton_single]=jersey [flax_bundle]=linen [glass_bundle]=glass
-    [polyester_bundle]=satin [silk_single]=organza [worsted_bundle]=gabardine [worsted_single]=hopsack)
-[ ${#yarns[@]} -gt 0 ] || yarns=("${!plies[@]}" polyester polyester_3ply cotton cotton_2ply cotton_3ply cotton_4ply silk wool wool_2ply viscose alpaca gold glass)
+# Plies of cloths; their specs are in fabrics/models/plies.json.
+plies=" cotton_bundle_ne40 cotton_bundle_ne7 cotton_single flax_bundle glass_bundle polyester_bundle silk_single worsted_bundle worsted_single "
+is_ply() { [[ $plies == *" $1 "* ]]; }
+[ ${#yarns[@]} -gt 0 ] || yarns=($plies polyester polyester_3ply cotton cotton_2ply cotton_3ply cotton_4ply silk wool wool_2ply viscose alpaca gold glass)
 
 cargo build --locked --release -p plywave-cli
 mkdir -p "$out" "$tables"
@@ -32,12 +32,13 @@ fibers() {
     esac
 }
 for yarn in "${yarns[@]}"; do
-    [ -n "${plies[$yarn]:-}" ] || [ -f "fabrics/$yarn.toml" ] || { echo "fabrics/$yarn.toml: no such spec" >&2; exit 2; }
+    is_ply "$yarn" || [ -f "fabrics/$yarn.toml" ] || { echo "fabrics/$yarn.toml: no such spec" >&2; exit 2; }
 done
 for yarn in "${yarns[@]}"; do
-    if [ -n "${plies[$yarn]:-}" ]; then
+    if is_ply "$yarn"; then
+        python3 -c 'import json, sys; print(json.load(open("fabrics/models/plies.json"))[sys.argv[1]], end="")' "$yarn" >"$tables/$yarn.toml"
         # Few fibers in a bundle make sharp slices, which three lobes fit within .4.
-        target/release/plywave build "fabrics/cloths/${plies[$yarn]}.toml" --preset preview --seed "$seed" --max-error-refl 0.4 -o "$out/$yarn.pwm"
+        target/release/plywave build "$tables/$yarn.toml" --preset preview --seed "$seed" --max-error-refl 0.4 -o "$out/$yarn.pwm"
         continue
     fi
     ply=${yarn%_[2-7]ply}

@@ -28,6 +28,7 @@ mod two_layers;
 
 pub use bsdf::PlyBsdf;
 pub use cone::LobeKind;
+pub use data::drift::{DRIFT_BINS, DRIFT_MAX, DRIFT_QUANTILES, ExitDrift, drift_bin};
 pub use data::edge_lobes::{EDGE_MU_MAX, EdgeLobes, beam_mu};
 pub use data::energies::{EnergiesAt, PlyEnergies, spline_coefficients};
 pub use data::exits::{

@@ -4,12 +4,14 @@
 //! at which light leaves. Polynomials of the azimuth (`plywave::ply::ExitOffsets`) are fitted to its mean by
 //! least squares, weighted by the light of the azimuth, with equal weight for each absorption. The densities
 //! about these means have one length per kind of light for all incidences, fitted to the recorded cumulative
-//! distributions by least squares weighted by the light.
+//! distributions by least squares weighted by the light. Displacements along the axis are the quantiles of the
+//! recorded distributions.
 
 use plywave::ply::{
-    EXIT_KINDS, EXIT_LENGTH_UM, EXIT_LENGTHS, EXIT_TERMS, ExitOffsets, ExitShape, USUAL_EXIT_LENGTHS, exit_terms,
+    DRIFT_QUANTILES, EXIT_KINDS, EXIT_LENGTH_UM, EXIT_LENGTHS, EXIT_TERMS, ExitDrift, ExitOffsets, ExitShape,
+    USUAL_EXIT_LENGTHS, exit_terms,
 };
-use plywave_tables::table::Table;
+use plywave_tables::table::{DISPLACEMENTS, Table, displacement};
 use rayon::prelude::*;
 
 /// Number of trial lengths, evenly spaced in their logarithm, and number of rounds of the search for the
@@ -116,7 +118,44 @@ pub fn fit_exits(table: &Table) -> Option<ExitOffsets> {
         mean.extend(high.solve());
     }
     let length = lengths(&all, &clear, &mean);
-    Some(ExitOffsets { mean, length })
+    let light = table.exit.as_ref().map_or(&[][..], |exit| &exit.drift);
+    let drift = drift_of(light, table.theta_i.len(), table.sigma_per_um.len());
+    Some(ExitOffsets { mean, length, drift })
+}
+
+/// Displacements along the axis: the mean of each eighth of clear fibers' light, and the share of the light in
+/// it at every absorption. `light` is that of a table ([`plywave_tables::table::ExitPositions::drift`]).
+fn drift_of(light: &[f32], rows: usize, k: usize) -> ExitDrift {
+    let mut found = ExitDrift::none(rows, k);
+    for ((light, at), share) in light
+        .chunks_exact(DISPLACEMENTS * k)
+        .zip(found.at.chunks_exact_mut(DRIFT_QUANTILES))
+        .zip(found.share.chunks_exact_mut(DRIFT_QUANTILES * k))
+    {
+        let clear: f64 = light.chunks_exact(k).map(|of| f64::from(of[0])).sum();
+        if clear <= 0.0 {
+            continue;
+        }
+        let per_part = DRIFT_QUANTILES as f64 / clear;
+        share.fill(0.0);
+        let mut below = 0.0;
+        for (part, of) in light.chunks_exact(k).enumerate().filter(|(_, of)| of[0] > 0.0) {
+            let (from, to) = (below, below + f64::from(of[0]) * per_part);
+            below = to;
+            for (q, at) in at.iter_mut().enumerate() {
+                let overlap = (to.min((q + 1) as f64) - from.max(q as f64)).max(0.0);
+                *at += overlap * displacement(part);
+                for (share, light) in share[q * k..(q + 1) * k].iter_mut().zip(of) {
+                    *share += overlap / (to - from) * f64::from(*light);
+                }
+            }
+        }
+        let all: Vec<f64> = (0..k).map(|i| share.chunks_exact(k).map(|of| of[i]).sum()).collect();
+        for of in share.chunks_exact_mut(k) {
+            of.iter_mut().zip(&all).for_each(|(share, all)| *share /= all.max(1e-300));
+        }
+    }
+    found
 }
 
 /// Lengths of the densities, relative to R, about the means `[M][H][EXIT_KINDS][EXIT_TERMS]` of a table's
@@ -214,6 +253,32 @@ fn light(table: &Table, slice: &[f32], azimuth: usize, azimuths: usize) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use plywave::ply::DRIFT_BINS;
+    use plywave_tables::table::displacement_part;
+
+    /// The displacements of light spread evenly over [0, 4] R, whose dark part fell as exp(-D), are the middles
+    /// of its eighths, and their dark shares are the integrals of exp(-D).
+    #[test]
+    fn displacements_are_quantiles() {
+        let parts = |of: &dyn Fn(f64) -> f64| {
+            let mut light = vec![0.0f32; DISPLACEMENTS * 2];
+            for i in 0..40_000 {
+                let d = 4.0 * (f64::from(i) + 0.5) / 40_000.0;
+                let part = displacement_part(d);
+                light[2 * part] += 1.0;
+                light[2 * part + 1] += of(d) as f32;
+            }
+            light
+        };
+        let drift = drift_of(&parts(&|d| (-d).exp()).repeat(DRIFT_BINS), 1, 2);
+        for q in 0..DRIFT_QUANTILES {
+            let (from, to) = (0.5 * q as f64, 0.5 * (q + 1) as f64);
+            assert!((drift.at[q] - 0.5 * (from + to)).abs() < 0.03, "{q}: {}", drift.at[q]);
+            let dark = ((-from).exp() - (-to).exp()) / (1.0 - (-4f64).exp());
+            assert!((drift.share[2 * q] - 0.125).abs() < 1e-6, "{q}: {}", drift.share[2 * q]);
+            assert!((drift.share[2 * q + 1] - dark).abs() < 0.02 * dark + 1e-3, "{q}: {}", drift.share[2 * q + 1]);
+        }
+    }
 
     /// The fit finds the known means of light from a point of the section.
     #[test]

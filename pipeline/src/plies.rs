@@ -16,7 +16,7 @@ use std::time::Instant;
 
 /// Version of the building of plies, which increases with each change of simulation or fit; it is part of the
 /// key of the cache.
-const MAKING: u32 = 1;
+const MAKING: u32 = 2;
 /// Seed of models that are built for a cloth.
 const SEED: u64 = 1;
 

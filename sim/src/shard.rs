@@ -12,7 +12,9 @@ use crate::incidence::Incidence;
 use crate::rays::path::PathEnd;
 use crate::target::{Target, ray};
 use nalgebra::Vector3;
+use plywave::ply::{DRIFT_BINS, drift_bin};
 use plywave_runs::{ArrayLayout, Part, Values};
+use plywave_tables::table::{DISPLACEMENTS, displacement_part};
 use rand::{Rng, RngExt};
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -51,6 +53,9 @@ pub(crate) struct TableSums {
     /// `[2][x]`: number of paths through a lateral position, then number of those that hit a fiber; empty
     /// when not recorded. The array `met` of a part.
     pub hits: Vec<f64>,
+    /// `[bin][displacement][sigma]`: sum of the transmittance of paths of f_high, by the displacement
+    /// along the axis ([`displacement_part`]); empty when not recorded.
+    pub drift: Vec<f64>,
     /// `[row][bin]`: probability to hit a fiber by lateral position, at each fine latitude, summed over
     /// instances. This field and the next two are empty if energies are not tallied. The array `miss_met` of
     /// a part.
@@ -76,6 +81,7 @@ impl TableSums {
             counts: [0.0; 3],
             exit: vec![0.0; if at.record_exits { EXIT_AZIMUTHS * EXIT_POSITIONS * h * c } else { 0 }],
             hits: vec![0.0; if at.record_exits { 2 * HIT_POSITIONS } else { 0 }],
+            drift: vec![0.0; if at.record_exits { DRIFT_BINS * DISPLACEMENTS * (c - 1) } else { 0 }],
             miss_hits: vec![0.0; energies[0].iter().product()],
             miss_squares: vec![0.0; energies[1].iter().product()],
             shares: vec![0.0; energies[2].iter().product()],
@@ -101,6 +107,7 @@ impl TableSums {
         let (any, energies) = ([0.0, f64::MAX], TableSums::energies(at));
         let exits = if at.record_exits { [EXIT_AZIMUTHS, EXIT_POSITIONS, h, c] } else { [0; 4] };
         let hits = if at.record_exits { [2, HIT_POSITIONS] } else { [0; 2] };
+        let drift = if at.record_exits { [DRIFT_BINS, DISPLACEMENTS, c - 1] } else { [0; 3] };
         vec![
             ArrayLayout::f32("bins", &[at.grid.len(), h, c], [0.0, f64::from(f32::MAX)]),
             ArrayLayout::f64("energy", &[h, c], any),
@@ -111,6 +118,7 @@ impl TableSums {
             ArrayLayout::f64("counts", &[3], any),
             ArrayLayout::f64("exit", &exits, any),
             ArrayLayout::f64("met", &hits, any),
+            ArrayLayout::f64("drift", &drift, any),
             ArrayLayout::f64("miss_met", &energies[0], any),
             ArrayLayout::f64("miss_squares", &energies[1], any),
             ArrayLayout::f64("shares", &energies[2], any),
@@ -119,10 +127,11 @@ impl TableSums {
 
     /// The sums as a part.
     pub fn into_part(self) -> Part {
-        let TableSums { bins, energy, noise, missed, killed, variance, counts, exit, hits, .. } = self;
+        let TableSums { bins, energy, noise, missed, killed, variance, counts, exit, hits, drift, .. } = self;
         let TableSums { miss_hits, miss_squares, shares, .. } = self;
         let counts = counts.to_vec();
-        let doubles = [energy, noise, missed, killed, variance, counts, exit, hits, miss_hits, miss_squares, shares];
+        let doubles =
+            [energy, noise, missed, killed, variance, counts, exit, hits, drift, miss_hits, miss_squares, shares];
         Part::new(std::iter::once(Values::F32(bins)).chain(doubles.into_iter().map(Values::F64)).collect())
     }
 
@@ -141,9 +150,10 @@ impl TableSums {
             counts,
             exit: doubles(7),
             hits: doubles(8),
-            miss_hits: doubles(9),
-            miss_squares: doubles(10),
-            shares: doubles(11),
+            drift: doubles(9),
+            miss_hits: doubles(10),
+            miss_squares: doubles(11),
+            shares: doubles(12),
         }
     }
 
@@ -192,8 +202,8 @@ pub(crate) fn trace_paths<R: Rng>(
         }
         let u: f64 = rng.random();
         let x = half * (2.0 * (i as f64 + u) / paths as f64 - 1.0);
-        let dir = ray(at, rng);
-        let (end, share) = target.walk(i, x, dir, at.surfaces, rng, &mut shares);
+        let ray_dir = ray(at, rng);
+        let (end, share) = target.walk(i, x, ray_dir, at.surfaces, rng, &mut shares);
         // Weight of the path for each h that its position contributes to.
         let lo = ((x - BEAM_SDS * sd - first_h) * inv_dh).ceil().max(0.0) as usize;
         let hi = (((x + BEAM_SDS * sd - first_h) * inv_dh).floor() + 1.0).clamp(0.0, h_count as f64) as usize;
@@ -247,6 +257,10 @@ pub(crate) fn trace_paths<R: Rng>(
                     *a = (-sigma * f64::from(length_um)).exp();
                 }
                 record(dir, pos, 1, &absorbed[..channels - 1], interactions);
+                if at.record_exits {
+                    let place = drift_place((x as f32, ray_dir), (dir, pos), at.radius_um as f32) * (channels - 1);
+                    sums.drift[place..].iter_mut().zip(&absorbed[..channels - 1]).for_each(|(sum, a)| *sum += a);
+                }
             }
             PathEnd::Miss => (lo..hi).for_each(|n| sums.missed[n] += weights[n]),
             PathEnd::Killed => {
@@ -296,6 +310,24 @@ fn exit_place(dir: Vector3<f32>, pos: Vector3<f32>, radius: f32) -> usize {
     let azimuth = ((turn - turn.floor()) * EXIT_AZIMUTHS as f32) as usize;
     let position = ((0.5 * t / radius + 0.5).clamp(0.0, 1.0) * EXIT_POSITIONS as f32) as usize;
     azimuth.min(EXIT_AZIMUTHS - 1) * EXIT_POSITIONS + position.min(EXIT_POSITIONS - 1)
+}
+
+/// Place `[bin][displacement]` of light that came through (x, 0, 0) in direction `ray_dir` and leaves
+/// through `pos` in direction `dir`. The displacement is that between the points where the two lines cross the
+/// cylinder of the ply's radius.
+fn drift_place((x, ray_dir): (f32, Vector3<f32>), (dir, pos): (Vector3<f32>, Vector3<f32>), radius: f32) -> usize {
+    // Distance along z from the point of a line nearest to the axis to where it crosses the cylinder.
+    let half_chord = |dir: Vector3<f32>, offset: f32| {
+        (radius * radius - offset * offset).max(0.0).sqrt() * dir.z / dir.xy().norm().max(1e-6)
+    };
+    let nearest = |dir: Vector3<f32>, pos: Vector3<f32>| {
+        pos.z - pos.xy().dot(&dir.xy()) / dir.xy().norm_squared().max(1e-12) * dir.z
+    };
+    let offset = |dir: Vector3<f32>, pos: Vector3<f32>| dir.xy().perp(&pos.xy()) / dir.xy().norm().max(1e-6);
+    let from = Vector3::new(x, 0.0, 0.0);
+    let entry = nearest(ray_dir, from) - half_chord(ray_dir, offset(ray_dir, from));
+    let leaves = nearest(dir, pos) + half_chord(dir, offset(dir, pos));
+    drift_bin(dir.z) * DISPLACEMENTS + displacement_part(f64::from((leaves - entry) / radius))
 }
 
 /// Upper tail of the standard normal distribution, by Simpson's rule on the density; absolute error below

@@ -16,10 +16,11 @@ use crate::rays::tracer::Tracer;
 use crate::seeds::{instance_seed, stream};
 use crate::shard::{EXIT_AZIMUTHS, EXIT_POSITIONS, HIT_POSITIONS, TableSums, trace_paths};
 use crate::target::{Target, YarnTwin};
+use plywave::ply::DRIFT_BINS;
 use plywave::spec::YarnSpec;
 use plywave_runs::RunError;
 use plywave_runs::{self as runs, ArrayLayout, Description, Done, Job, Part, Run, Shards};
-use plywave_tables::table::{ExitPositions, OutgoingGrid, Table};
+use plywave_tables::table::{DISPLACEMENTS, ExitPositions, OutgoingGrid, Table};
 use rand::RngExt;
 use rayon::prelude::*;
 use std::sync::OnceLock;
@@ -290,6 +291,7 @@ impl Job for SimulateJob {
                 positions: EXIT_POSITIONS,
                 shares: vec![0.0; rows * EXIT_AZIMUTHS * EXIT_POSITIONS],
                 met: vec![0.0; self.theta_i.len() * HIT_POSITIONS],
+                drift: vec![0.0; self.theta_i.len() * DRIFT_BINS * DISPLACEMENTS * sigma_per_um.len()],
             });
         }
         table
@@ -433,4 +435,7 @@ fn fill_exits(exit: &mut ExitPositions, m: usize, at: &Incidence<'_>, sums: &Tab
     for x in 0..width {
         exit.met[m * width + x] = (sums.hits[width + x] / sums.hits[x].max(1.0)) as f32;
     }
+    let per_path = 1.0 / sums.counts[0].max(1.0);
+    let drift = &mut exit.drift[m * sums.drift.len()..];
+    drift.iter_mut().zip(&sums.drift).for_each(|(to, sum)| *to = (sum * per_path) as f32);
 }

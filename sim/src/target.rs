@@ -136,12 +136,13 @@ fn walk_ply<R: Rng>(tracer: &dyn Tracer, x: f32, dir: Vector3<f32>, surfaces: &S
     let back = |v: Vector3<f32>| Vector3::new(cos * v.x + sin * v.y, cos * v.y - sin * v.x, v.z);
     let Some(s) = entry(Vector2::new(x, 0.0), dir, tracer.bound_radius_um()) else { return PathEnd::Miss };
     let p = Vector3::new(x + s * dir.x, s * dir.y, z + s * dir.z);
+    let origin = |v: Vector3<f32>| back(v) - Vector3::z() * z;
     match trace_path_among(tracer, surfaces, turn(p), turn(dir), rng) {
         PathEnd::Reflected { dir, pos, interactions } => {
-            PathEnd::Reflected { dir: back(dir), pos: back(pos), interactions }
+            PathEnd::Reflected { dir: back(dir), pos: origin(pos), interactions }
         }
         PathEnd::High { dir, pos, length_um, interactions } => {
-            PathEnd::High { dir: back(dir), pos: back(pos), length_um, interactions }
+            PathEnd::High { dir: back(dir), pos: origin(pos), length_um, interactions }
         }
         other => other,
     }
@@ -295,8 +296,10 @@ mod tests {
     use crate::geometry::section::PlySection;
     use crate::shard::{EXIT_AZIMUTHS, EXIT_POSITIONS, TableSums, trace_paths};
     use crate::{FiberSurface, Outline, RoughDielectric, ScrewTracer};
+    use plywave::ply::DRIFT_BINS;
     use plywave::spec::{GaussianBeam, ply_circle_um};
     use plywave_tables::table::OutgoingGrid;
+    use plywave_tables::table::{DISPLACEMENTS, displacement};
     use rand::SeedableRng;
     use rand_pcg::Pcg64Mcg;
     use std::sync::atomic::AtomicBool;
@@ -415,5 +418,57 @@ mod tests {
         let (drawn, hit) = sums.hits.split_at(sums.hits.len() / 2);
         // Every line through the cylinder hits it, except tilted ones at the rim.
         assert!(drawn.iter().zip(hit).skip(1).take(62).all(|(d, m)| d == m), "{drawn:?} {hit:?}");
+    }
+
+    /// Light in a smooth cylinder runs along it by `2 cos gamma_t tan theta_t` (over R) from wall to wall, by
+    /// Snell's law across (Bravais) and along the axis; every wall reflects the same share (Fresnel).
+    #[test]
+    fn light_of_a_smooth_cylinder_is_displaced_by_its_chords() {
+        const ETA: f64 = 1.5;
+        const SIGMA: f64 = 0.01;
+        let (tracer, walls, theta_i, paths) = (solid(), walls(0.0), 0.6f64, 200_000);
+        let at = Incidence { sigma_per_um: &[0.0, SIGMA], ..incidence(theta_i, &[0.0], &walls, true) };
+        let mut sums = TableSums::zero(&at);
+        let mut rng = Pcg64Mcg::seed_from_u64(9);
+        let target = Target::Ply(&tracer);
+        trace_paths(&at, &target, paths, &mut rng, &mut sums, &AtomicBool::new(false), &|_| {}).unwrap();
+        // Light keeps its latitude.
+        let bin = ((0.5 - 0.5 * theta_i.sin()) * DRIFT_BINS as f64) as usize;
+        let mut got = [[0.0; 2]; 2];
+        for (i, of) in sums.drift.chunks_exact(2).enumerate() {
+            assert!(of[0] == 0.0 || i / DISPLACEMENTS == bin, "light in bin {}", i / DISPLACEMENTS);
+            for k in 0..2 {
+                got[k][0] += of[k] / paths as f64;
+                got[k][1] += of[k] / paths as f64 * displacement(i % DISPLACEMENTS);
+            }
+        }
+        let fresnel = |cos: f64| {
+            let inside = (1.0 - (1.0 - cos * cos) / (ETA * ETA)).sqrt();
+            let (s, p) = ((cos - ETA * inside) / (cos + ETA * inside), (ETA * cos - inside) / (ETA * cos + inside));
+            0.5 * (s * s + p * p)
+        };
+        let (sin_t, bravais) = (theta_i.sin() / ETA, (ETA * ETA - theta_i.sin().powi(2)).sqrt() / theta_i.cos());
+        let mut want = [[0.0; 2]; 2];
+        let offsets = 20_000;
+        for i in 0..offsets {
+            let x = 2.0 * (i as f64 + 0.5) / offsets as f64 - 1.0;
+            let reflected = fresnel(theta_i.cos() * (1.0 - x * x).sqrt());
+            let chord = 2.0 * (1.0 - (x / bravais).powi(2)).sqrt();
+            let cos_t = (1.0 - sin_t * sin_t).sqrt();
+            for (k, want) in want.iter_mut().enumerate() {
+                let passes = (-[0.0, SIGMA][k] * RADIUS * chord / cos_t).exp();
+                let (mut light, mut chords) = ((1.0 - reflected).powi(2) * passes, 1.0);
+                while light > 1e-9 {
+                    want[0] += light / offsets as f64;
+                    want[1] -= light / offsets as f64 * chords * chord * sin_t / cos_t;
+                    light *= reflected * passes;
+                    chords += 1.0;
+                }
+            }
+        }
+        for (got, want) in got.iter().zip(want) {
+            assert!((got[0] / want[0] - 1.0).abs() < 0.01, "light {got:?}, want {want:?}");
+            assert!((got[1] / want[1] - 1.0).abs() < 0.02, "displacement {got:?}, want {want:?}");
+        }
     }
 }

@@ -1,6 +1,7 @@
 //! Ply model files: writing, reading and checking (`docs/reference/format/models.md`).
 
 use super::data::ENERGY_TOLERANCE;
+use super::data::drift;
 use super::data::edge_lobes::{self, EdgeLobes};
 use super::data::exits::{self, ExitOffsets};
 use super::data::layer_factors::{self, LayerFactors};
@@ -115,8 +116,16 @@ impl Document for PlyData {
     type Keys = ModelKeys;
 
     fn names() -> Vec<&'static str> {
-        let parts =
-            [&NAMES[..], &LOBES[0].1, &LOBES[1].1, &layer_factors::NAMES, &exits::NAMES, &edge_lobes::NAMES].concat();
+        let parts = [
+            &NAMES[..],
+            &LOBES[0].1,
+            &LOBES[1].1,
+            &layer_factors::NAMES,
+            &exits::NAMES,
+            &drift::NAMES,
+            &edge_lobes::NAMES,
+        ]
+        .concat();
         parts.into_iter().chain(NOISE_NAMES).collect()
     }
 
@@ -180,7 +189,7 @@ impl Document for PlyData {
             layers.write(w, (m, h, j));
         }
         if let Some(exits) = &self.exits {
-            exits.write(w, m, h);
+            exits.write(w, (m, h, k));
         }
         if let Some(edge) = &self.edge {
             edge.write(w);
@@ -227,7 +236,7 @@ impl Document for PlyData {
             error_refl: r.f64("error_refl", &[m, h])?,
             error_high: r.f64("error_high", &[m, h, k])?,
             layers: LayerFactors::read(r, (m, h, j))?,
-            exits: ExitOffsets::read(r, m, h)?,
+            exits: ExitOffsets::read(r, (m, h, k))?,
             edge: EdgeLobes::read(r)?,
             noise: NoiseSpectrum::read(r)?,
         })
@@ -293,7 +302,7 @@ impl PlyData {
             }
         }
         if let Some(exits) = &self.exits {
-            exits.check(&c, m, h)?;
+            exits.check(&c, (m, h, k))?;
         }
         if let Some(layers) = &self.layers {
             layers.check(&c, &self.energies, [&self.theta_i, &self.h_um], j)?;

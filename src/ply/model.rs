@@ -131,7 +131,10 @@ impl PlyModel {
         PlyModel {
             layout: Layout::new(&data),
             layers: LayerTables::new(&data),
-            exits: data.exits.as_ref().map(|exits| ExitTables::new(exits, &data.theta_i, &data.h_um)),
+            exits: data
+                .exits
+                .as_ref()
+                .map(|exits| ExitTables::new(exits, &data.theta_i, &data.h_um, &data.sigma_per_um)),
             passed: None,
             edge,
             relief: spec.and_then(|spec| Relief::of_spec(&spec)),
@@ -176,7 +179,10 @@ impl PlyModel {
     /// Positions where the light of one incidence leaves a ply of this radius [um].
     #[doc(hidden)]
     pub fn exits_at(&self, theta_i: f32, h_um: f32, radius_um: f32) -> ExitsAt {
-        self.exits.as_ref().map_or_else(|| ExitsAt::unknown(theta_i, h_um / radius_um), |exits| exits.at(theta_i, h_um))
+        match &self.exits {
+            Some(exits) => exits.at(theta_i, h_um, radius_um),
+            None => ExitsAt::unknown(theta_i, h_um / radius_um),
+        }
     }
 
     /// The mean of r_d over intervals of offsets, if the ply is lit along single lines

@@ -69,6 +69,29 @@ pub struct ExitPositions {
     /// `[theta_i][x]`: fraction of the paths through lateral position x that hit a fiber; x in equal parts of
     /// [-R, R].
     pub met: Vec<f32>,
+    /// `[theta_i][bin][displacement][sigma]`: light of f_high, over that of all paths, by the bin of its
+    /// axial cosine ([`plywave::ply::drift_bin`]) and by its displacement along the axis in the parts of
+    /// [`displacement`].
+    pub drift: Vec<f32>,
+}
+
+/// Number of parts of the displacement along the axis.
+pub const DISPLACEMENTS: usize = 112;
+/// Displacement [R] about which the parts grow in width.
+const FINE: f64 = 0.2;
+/// Width of a part, in units of asinh(D / FINE).
+const STEP: f64 = 0.125;
+
+/// Part of a displacement along the axis over R. Parts are narrow near 0 and grow in proportion to the
+/// displacement; the last ones begin at about 100.
+pub fn displacement_part(over_r: f64) -> usize {
+    let at = (over_r / FINE).asinh() / STEP + 0.5 * DISPLACEMENTS as f64;
+    at.clamp(0.0, DISPLACEMENTS as f64 - 1.0) as usize
+}
+
+/// The displacement over R in the middle of a part.
+pub fn displacement(part: usize) -> f64 {
+    FINE * ((part as f64 + 0.5 - 0.5 * DISPLACEMENTS as f64) * STEP).sinh()
 }
 
 /// Ensemble-averaged scattering of one ply, or of the yarn that its plies make, over a grid of incidences.

@@ -4,9 +4,10 @@
 
 use plywave::Document;
 use plywave::frame::{direction, theta_phi};
+use plywave::ply::DRIFT_BINS;
 use plywave::spec::YarnSpec;
 use plywave_sim::yarn::{YarnOptions, yarn_table};
-use plywave_tables::table::{ExitPositions, OutgoingGrid, Table};
+use plywave_tables::table::{DISPLACEMENTS, ExitPositions, OutgoingGrid, Table};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 use std::f64::consts::{PI, TAU};
@@ -64,6 +65,7 @@ fn ply(exits: bool) -> Table {
             .flat_map(|i| [[0.5, 0.3, 0.1, 0.1, 0.0], [0.2; 5]][i % 2])
             .collect(),
         met: (0..rows * 40).map(|i| if (4..36).contains(&(i % 40)) { 1.0 } else { 0.5 }).collect(),
+        drift: vec![1e-3; rows * DRIFT_BINS * DISPLACEMENTS * sigmas],
     });
     Table {
         spec_text: "made up".into(),

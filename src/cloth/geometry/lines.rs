@@ -232,7 +232,7 @@ impl ClothLines {
     }
 
     /// The period of a curve, in vectors of the cell.
-    pub(crate) fn shift(&self, curve: usize) -> [i32; 2] {
+    pub fn shift(&self, curve: usize) -> [i32; 2] {
         self.splines[curve].shift
     }
 

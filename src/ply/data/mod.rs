@@ -1,8 +1,9 @@
 //! The tensors of a ply model (Yu 2025, Eq. 8), as the fit computes them and files store them.
 
+pub(in crate::ply) mod drift;
 pub(crate) mod edge_lobes;
 pub(super) mod energies;
-pub(super) mod exits;
+pub(in crate::ply) mod exits;
 pub(super) mod layer_factors;
 mod limits;
 

@@ -6,7 +6,7 @@ use super::data::{FamilyParam, FamilyParams};
 use super::node_weights::{NodeWeights, missed};
 use crate::Result;
 use crate::io::invalid;
-use crate::ply::{ExitOffsets, LayerFactors, LobeKind, PlyData, PlyEnergies, PlyModel, USUAL_EXIT_LENGTHS};
+use crate::ply::{ExitDrift, ExitOffsets, LayerFactors, LobeKind, PlyData, PlyEnergies, PlyModel};
 
 /// The file name in errors about parameters.
 const PARAMS: &str = "parameters of the family";
@@ -78,8 +78,10 @@ impl PlyFamily {
         });
         let exits = first.exits.as_ref().map(|_| {
             let mean = blend(&|d| d.exits.as_ref().map_or(empty, |x| &x.mean));
-            let length = blend(&|d| d.exits.as_ref().map_or(&USUAL_EXIT_LENGTHS[..], |x| &x.length));
-            ExitOffsets { mean, length: std::array::from_fn(|kind| length[kind]) }
+            let length = blend(&|d| d.exits.as_ref().map_or(empty, |x| &x.length));
+            let at = blend(&|d| d.exits.as_ref().map_or(empty, |x| &x.drift.at));
+            let share = blend(&|d| d.exits.as_ref().map_or(empty, |x| &x.drift.share));
+            ExitOffsets { mean, length: std::array::from_fn(|kind| length[kind]), drift: ExitDrift { at, share } }
         });
         let mut data = PlyData {
             spec_text,

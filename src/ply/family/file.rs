@@ -4,10 +4,10 @@ use super::data::{FamilyAxis, FamilyData, FamilyParam};
 use crate::Result;
 use crate::io::{Axis, Document, FileKind, Provenance, Reader, Summary, Writer, invalid};
 use crate::ply::asg::PARAMS;
+use crate::ply::data::drift::{self, NAMES as DRIFT};
 use crate::ply::data::edge_lobes::{self, EdgeLobes};
-use crate::ply::{
-    EXIT_KINDS, EXIT_TERMS, ExitOffsets, LayerFactors, LobeKind, PlyData, PlyEnergies, USUAL_EXIT_LENGTHS,
-};
+use crate::ply::data::exits::NAMES as EXITS;
+use crate::ply::{EXIT_KINDS, EXIT_TERMS, ExitDrift, ExitOffsets, LayerFactors, LobeKind, PlyData, PlyEnergies};
 
 /// Names of the tensors of every family, without its axes.
 const NAMES: [&str; 16] = [
@@ -30,7 +30,6 @@ const NAMES: [&str; 16] = [
 ];
 /// Names of the optional tensors.
 const LAYERS: [&str; 2] = ["layer_forward", "layer_diffuse"];
-const EXITS: [&str; 2] = ["exit_offset", "exit_length"];
 
 /// A family file has no keys besides the common ones.
 #[derive(serde::Serialize, serde::Deserialize)]
@@ -42,7 +41,7 @@ impl Document for FamilyData {
 
     fn names() -> Vec<&'static str> {
         let axes = FamilyParam::ALL.map(FamilyParam::name);
-        [&NAMES[..], &axes, &LAYERS, &EXITS, &edge_lobes::NAMES].concat()
+        [&NAMES[..], &axes, &LAYERS, &EXITS, &DRIFT, &edge_lobes::NAMES].concat()
     }
 
     fn provenance(&self) -> Provenance {
@@ -111,10 +110,14 @@ impl Document for FamilyData {
             let mean = |d: &PlyData| d.exits.as_ref().map(|x| x.mean.clone()).unwrap_or_default();
             let shape = [n, m, h, EXIT_KINDS, EXIT_TERMS];
             w.f32(EXITS[0], &shape, self.nodes.iter().flat_map(mean).map(|v| v as f32));
-            let length = |d: &PlyData| d.exits.as_ref().map_or(USUAL_EXIT_LENGTHS, |x| x.length);
-            if self.nodes.iter().any(|d| length(d) != USUAL_EXIT_LENGTHS) {
-                w.f32(EXITS[1], &[n, EXIT_KINDS], self.nodes.iter().flat_map(length).map(|v| v as f32));
-            }
+            let length = |d: &PlyData| d.exits.as_ref().map(|x| x.length.to_vec()).unwrap_or_default();
+            w.f32(EXITS[1], &[n, EXIT_KINDS], self.nodes.iter().flat_map(length).map(|v| v as f32));
+            let drift = |of: &dyn Fn(&ExitDrift) -> &Vec<f64>| -> Vec<f64> {
+                self.nodes.iter().filter_map(|d| d.exits.as_ref()).flat_map(|x| of(&x.drift).clone()).collect()
+            };
+            let (at, share) = drift::shapes(n * m, k);
+            w.f32(DRIFT[0], &at, drift(&|d| &d.at).into_iter().map(|v| v as f32));
+            w.f32(DRIFT[1], &share, drift(&|d| &d.share).into_iter().map(|v| v as f32));
         }
         if let Some(edge) = &first.edge {
             edge.write(w);
@@ -167,9 +170,12 @@ impl Document for FamilyData {
         } else {
             None
         };
-        let exits = if r.has(EXITS[0]) { Some(r.f64(EXITS[0], &[n, m, h, EXIT_KINDS, EXIT_TERMS])?) } else { None };
-        let lengths = if r.has(EXITS[1]) { r.f64(EXITS[1], &[n, EXIT_KINDS])? } else { USUAL_EXIT_LENGTHS.repeat(n) };
-        let length_of = |i: usize| std::array::from_fn(|kind| lengths[EXIT_KINDS * i + kind]);
+        let exits = if r.has(EXITS[0]) {
+            let mean = r.f64(EXITS[0], &[n, m, h, EXIT_KINDS, EXIT_TERMS])?;
+            Some((mean, r.f64(EXITS[1], &[n, EXIT_KINDS])?, ExitDrift::read(r, n * m, k)?))
+        } else {
+            None
+        };
         let edge = EdgeLobes::read(r)?;
         let part = |values: &[f64], of: usize, at: usize| -> Vec<f64> {
             let len = values.len() / of;
@@ -206,7 +212,11 @@ impl Document for FamilyData {
                     forward: part(forward, n, i),
                     diffuse: part(diffuse, n, i),
                 }),
-                exits: exits.as_ref().map(|mean| ExitOffsets { mean: part(mean, n, i), length: length_of(i) }),
+                exits: exits.as_ref().map(|(mean, lengths, drift)| ExitOffsets {
+                    mean: part(mean, n, i),
+                    length: std::array::from_fn(|kind| lengths[EXIT_KINDS * i + kind]),
+                    drift: ExitDrift { at: part(&drift.at, n, i), share: part(&drift.share, n, i) },
+                }),
                 edge: edge.clone(),
                 noise: None,
             })

@@ -2,8 +2,8 @@
 #![allow(dead_code)]
 
 use plywave::ply::asg::PARAMS;
-use plywave::ply::{LobeKind, PlyData, PlyEnergies, spline_coefficients};
-use plywave_tables::table::{ExitPositions, OutgoingGrid, Table};
+use plywave::ply::{DRIFT_BINS, LobeKind, PlyData, PlyEnergies, spline_coefficients};
+use plywave_tables::table::{DISPLACEMENTS, ExitPositions, OutgoingGrid, Table};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 
@@ -201,6 +201,7 @@ pub fn table(seed: u64) -> Table {
                 .flat_map(|i| [0.125 * (i % 8) as f32, 1.0 - 0.125 * (i % 8) as f32])
                 .collect(),
             met: (0..m * 4).map(|i| 1.0 / (1.0 + i as f32)).collect(),
+            drift: (0..m * DRIFT_BINS * DISPLACEMENTS * k).map(|i| 1e-3 * (i % 7) as f32).collect(),
         }),
         energies: None,
     }

@@ -4,6 +4,7 @@
 //! path. A path skips the ply that it has just left as long as the intersection lies near its exit along that
 //! ply.
 
+use super::drift::{Drift, along, turned};
 use super::hairs::{InLayer, Through};
 use super::paths::{Escaped, Scattered};
 use plywave::cloth::LineHits;
@@ -17,6 +18,8 @@ pub(super) struct ClothPaths<'a> {
     pub plies: &'a ClothPlies,
     pub shadows: &'a ClothShadows,
     pub hairs: Option<&'a HairLayer>,
+    /// `[kind]`: displacements of its model.
+    pub drifts: &'a [Option<Drift>],
 }
 
 impl ClothPaths<'_> {
@@ -36,7 +39,7 @@ impl ClothPaths<'_> {
         is_followed: bool,
         number: &mut dyn FnMut() -> f32,
     ) -> Option<Escaped> {
-        let ClothPlies { lines, kind_of, models, scale, .. } = self.plies;
+        let ClothPlies { lines, lattice, kind_of, models, scale, .. } = self.plies;
         let mut d = a.map(|v| -v);
         let mut from = start(lines, at, a);
         let mut own = None;
@@ -78,24 +81,28 @@ impl ClothPaths<'_> {
             let kind = kind_of[hit.curve as usize];
             let (theta_i, h_um) = (hit.theta_i, scale[kind] * hit.h_um);
             let frame = frame(hit, d);
-            let (radius, z) = (hit.radius_um, hit.tangent);
+            let radius = hit.radius_um;
             let shade = ClothShade::new(self.shadows, hit, a, [true; 2]);
             let first = if path.orders == 0 {
                 Some((class(kind, depth, depth + 1 < hits.as_slice().len()), shade))
             } else {
                 None
             };
-            let ply = Scattered { model: &models[kind], theta_i, h_um, radius_um: radius * scale[kind], frame, kind };
+            let (model, drift) = (&models[kind], self.drifts[kind].as_ref());
+            let ply = Scattered { model, drift, theta_i, h_um, radius_um: radius * scale[kind], frame, kind };
             let (t, s) = path.scatter(&ply, first, (a, is_followed), &mut d, &passes, number)?;
             if !is_followed {
                 return Some(path);
             }
+            let center: [f32; 3] = std::array::from_fn(|i| from[i] + hit.center_um[i]);
+            let [start, end] = along(lines, lattice, (hit.curve as usize, hit.parameter), s * radius);
+            let z = end.tangent;
+            d = turned(d, start.tangent, z);
             let x = cross(d, z);
             let across = -t * radius / dot(x, x).sqrt().max(1e-6);
-            let center: [f32; 3] = std::array::from_fn(|i| from[i] + hit.center_um[i]);
-            let inner = std::array::from_fn(|i| center[i] + across * x[i] + s * radius * z[i]);
-            own = Some((hit.curve, hit.cells, hit.parameter));
-            from = exit(center, z, radius, inner, d);
+            let center = std::array::from_fn(|i| center[i] + end.center_um[i] - start.center_um[i]);
+            own = Some((hit.curve, hit.cells, end.parameter));
+            from = exit(center, z, radius, std::array::from_fn(|i| center[i] + across * x[i]), d);
             if path.is_over() {
                 return None;
             }

@@ -7,6 +7,7 @@
 
 mod brightness;
 mod cones;
+mod drift;
 mod far_views;
 mod follow;
 mod hairs;
@@ -72,7 +73,8 @@ pub fn precompute(
     let plies = ClothPlies::new(curves, &models)?;
     let shadows = shadows::shadows(&plies, curves, effort, progress)?;
     let hairs = hairs::hair_layer(spec, curves, &plies, progress)?;
-    let paths = follow::ClothPaths { plies: &plies, shadows: &shadows, hairs: hairs.as_ref() };
+    let drifts: Vec<_> = models.iter().map(|model| drift::Drift::new(model)).collect();
+    let paths = follow::ClothPaths { plies: &plies, shadows: &shadows, hairs: hairs.as_ref(), drifts: &drifts };
     let inter_yarn = inter_yarn::inter_yarn(&paths, effort, progress)?;
     let mut data = ClothData {
         spec_text: spec_text.into(),

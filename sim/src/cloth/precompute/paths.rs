@@ -4,6 +4,7 @@
 //! Paths are drawn for clear fibers; the energy at each node of absorption follows as a weight. `follow.rs`
 //! intersects the path with the plies.
 
+use super::drift::Drift;
 use plywave::PlyModel;
 use plywave::cloth::light::{SIGMA_PER_UM, SIGMAS};
 use plywave::cloth::shade::{ClothShade, Toward};
@@ -50,6 +51,7 @@ pub(super) struct Escaped {
 /// A ply that scatters a path, with the path's incidence on it.
 pub(super) struct Scattered<'a> {
     pub model: &'a PlyModel,
+    pub drift: Option<&'a Drift>,
     pub theta_i: f32,
     pub h_um: f32,
     pub radius_um: f32,
@@ -84,10 +86,10 @@ impl Escaped {
     /// Scatters the path, which entered the cloth from direction `a`, at a ply into the new direction `d`.
     ///
     /// Returns `(t, s)`, both over the ply's radius R: the new line passes the axis at the offset `-t` along
-    /// `d cross z`, and leaves at `s` along the axis. Returns `None` if no direction is accepted. `first` is
-    /// the class and the shadows of a first ply, whose occluded and scattered energies are then sampled; a
-    /// path that is not followed ends there. `passes` is the transmittance of the layer of hairs in a
-    /// direction.
+    /// `d cross z`, and is nearest to it at `s` along the curve. Returns `None` if no direction is accepted.
+    /// `first` is the class and the shadows of a first ply, whose occluded and scattered energies are then
+    /// sampled; a path that is not followed ends there. `passes` is the transmittance of the layer of hairs in
+    /// a direction.
     pub(super) fn scatter(
         &mut self,
         scattered: &Scattered<'_>,
@@ -97,7 +99,7 @@ impl Escaped {
         passes: &dyn Fn([f32; 3]) -> f32,
         number: &mut dyn FnMut() -> f32,
     ) -> Option<(f32, f32)> {
-        let Scattered { model, theta_i, h_um, radius_um, frame, kind } = *scattered;
+        let Scattered { model, drift, theta_i, h_um, radius_um, frame, kind } = *scattered;
         // Paths are drawn for the clear fibers of the first node, whose energy is then conserved; the
         // weights of the other nodes are at most 1.
         let ply = model.by_first(theta_i, h_um, SIGMA_PER_UM);
@@ -151,13 +153,18 @@ impl Escaped {
         if number() * (refl + high) < refl {
             return Some((density(0).draw(number()), lines[0].s));
         }
-        // The exit offset is drawn for clear fibers; the weights of the other nodes follow from the ratio.
+        // Offset and displacement are drawn for clear fibers; the weights of the other nodes follow from the
+        // ratio.
         let [clear, dark] = [1, 2].map(density);
         let t = clear.draw(number());
         let dark = dark.at(t) / clear.at(t);
+        let drift = drift.map(|drift| drift.draw(theta_i, w[2], [number(), number()]));
+        let drift_weights = drift.map_or([1.0; SIGMAS], |drift| drift.weights);
         for (k, weight) in self.weight[kind].iter_mut().enumerate() {
-            *weight *= (light.high[k] / high).min(1.0) * (clear_shares[k] + (1.0 - clear_shares[k]) * dark);
+            *weight *=
+                (light.high[k] / high).min(1.0) * (clear_shares[k] + (1.0 - clear_shares[k]) * dark) * drift_weights[k];
         }
-        Some((t, lines[1].s))
+        let half_chord = (1.0 - t * t).max(0.0).sqrt();
+        Some((t, exits.nearest(drift.map_or(0.0, |drift| drift.over_r), half_chord, w)))
     }
 }

@@ -1,12 +1,12 @@
 //! Table files: writing, reading, and checks of lengths, axes, ranges and energies
 //! (`docs/reference/format/models.md`).
 
-use super::{ExitPositions, OutgoingGrid, Table, TableEnergies, energies};
+use super::{DISPLACEMENTS, ExitPositions, OutgoingGrid, Table, TableEnergies, energies};
 use plywave::Result;
 use plywave::io::{Axis, Check, Document, FileKind, Provenance, Reader, Summary, Writer, invalid};
-use plywave::ply::ENERGY_TOLERANCE as TOLERANCE;
+use plywave::ply::{DRIFT_BINS, ENERGY_TOLERANCE as TOLERANCE};
 
-const NAMES: [&str; 16] = [
+const NAMES: [&str; 17] = [
     "theta_i",
     "h_um",
     "sigma_per_um",
@@ -23,6 +23,7 @@ const NAMES: [&str; 16] = [
     "interactions",
     "exit",
     "met",
+    "drift",
 ];
 
 /// Keys of the JSON document besides the common ones.
@@ -114,6 +115,7 @@ impl Document for Table {
         if let Some(e) = &self.exit {
             w.f32("exit", &[m, h, 1 + k, e.azimuths, e.positions], e.shares.iter().copied());
             w.f32("met", &[m, e.met.len() / m], e.met.iter().copied());
+            w.f32("drift", &[m, DRIFT_BINS, DISPLACEMENTS, k], e.drift.iter().copied());
         }
         if let Some(energies) = &self.energies {
             energies.write(w);
@@ -130,7 +132,9 @@ impl Document for Table {
                 let (shape, hit_shape) = (r.shape("exit", 5)?, r.shape("met", 2)?);
                 let (azimuths, positions) = (shape[3], shape[4]);
                 let shares = r.f32("exit", &[m, h, 1 + k, azimuths, positions])?;
-                Some(ExitPositions { azimuths, positions, shares, met: r.f32("met", &[m, hit_shape[1]])? })
+                let met = r.f32("met", &[m, hit_shape[1]])?;
+                let drift = r.f32("drift", &[m, DRIFT_BINS, DISPLACEMENTS, k])?;
+                Some(ExitPositions { azimuths, positions, shares, met, drift })
             }
         };
         Ok(Table {
@@ -210,6 +214,8 @@ impl Document for Table {
             c.len("met", e.met.len(), &[m, x])?;
             c.range_f32("exit", &e.shares, 0.0, 1.001)?;
             c.range_f32("met", &e.met, 0.0, 1.0)?;
+            c.len("drift", e.drift.len(), &[m, DRIFT_BINS, DISPLACEMENTS, k])?;
+            c.range_f32("drift", &e.drift, 0.0, 1.001)?;
             for (i, shares) in e.shares.chunks_exact(e.positions).enumerate() {
                 let sum: f32 = shares.iter().sum();
                 if (sum - 1.0).abs() > 1e-3 {
