@@ -131,10 +131,7 @@ impl PlyModel {
         PlyModel {
             layout: Layout::new(&data),
             layers: LayerTables::new(&data),
-            exits: data
-                .exits
-                .as_ref()
-                .map(|exits| ExitTables::new(exits, &data.theta_i, &data.h_um, &data.sigma_per_um)),
+            exits: data.exits.as_ref().map(|exits| ExitTables::new(exits, &data.theta_i, &data.h_um)),
             passed: None,
             edge,
             relief: spec.and_then(|spec| Relief::of_spec(&spec)),
@@ -180,7 +177,7 @@ impl PlyModel {
     #[doc(hidden)]
     pub fn exits_at(&self, theta_i: f32, h_um: f32, radius_um: f32) -> ExitsAt {
         match &self.exits {
-            Some(exits) => exits.at(theta_i, h_um, radius_um),
+            Some(exits) => exits.at(theta_i, h_um),
             None => ExitsAt::unknown(theta_i, h_um / radius_um),
         }
     }

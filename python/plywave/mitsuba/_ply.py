@@ -17,7 +17,6 @@ EDGE_MU_MAX = 1e7
 MIN_ENERGY, MIN_TRANSMITTANCE = 1e-12, 1e-20
 DARK, NARROW_MU = 101.0, 30.0
 EXIT_LENGTH_UM, MAX_TAN = 150.0, 6.0
-DRIFT_BINS, CHORD = 6, 0.85
 
 _TYPES = {"F64": "<f8", "F32": "<f4", "U8": "u1", "U64": "<u8", "U32": "<u4"}
 
@@ -78,7 +77,7 @@ class Plies:
         self.paths = 4 * -(-max(len(f["path_um"]) for f in files) // 4)
         self.has_edge = all("edge_ln_mu" in f for f in files)
         self.some_edge = any("edge_ln_mu" in f for f in files)
-        tables = {name: [] for name in ("miss", "shares", "refl", "high", "path", "exits", "drift", "edge", "edge_least")}
+        tables = {name: [] for name in ("miss", "shares", "refl", "high", "path", "exits", "edge", "edge_least")}
         starts = {name: 0 for name in tables}
         head = []
 
@@ -124,7 +123,6 @@ class Plies:
             if n["exits"]:
                 exits[..., :5] = f["exit_offset"]
             n["exits_at"] = add("exits", exits, 4)
-            n["drift_at"] = add("drift", _drift_means(f) if n["exits"] else np.zeros((m, DRIFT_BINS, 2)), 4)
             n["edge"] = float("edge_ln_mu" in f)
             if n["edge"]:
                 lam, inside = f["edge_lambda_um"], f["edge_inside_um"]
@@ -448,8 +446,8 @@ class Plies:
     # Exit positions
 
     def exits(self, m, theta_i, h_um, radius):
-        """Coefficients of the mean exit offsets of the three kinds of light, ``[3][5]``, the tangent of the latitude, the
-        place of the entry along the axis and the mean displacements, ``[6][2]`` (src/ply/data/exits.rs).
+        """Coefficients of the mean exit offsets of the three kinds of light, ``[3][5]``, and the tangent of the latitude
+        (src/ply/data/exits.rs).
         """
         kit = self.kit
         theta, flip = dr.abs(theta_i), theta_i < 0.0
@@ -466,10 +464,6 @@ class Plies:
         for node, w in zip([at, at + 1, at + columns, at + columns + 1], weights):
             values = kit.packets(self.tables["exits"], self.number("exits_at", m) + node * 6, 6)
             sums = [s + w * x for s, x in zip(sums, values)]
-        rows = self.number("drift_at", m) + kit.uint(row) * 3
-        a, b = (kit.packets(self.tables["drift"], rows + i, 3) for i in (0, 3))
-        a, b = ([dr.select(flip, -x, y) for x, y in zip(_turned(drift), drift)] for drift in (a, b))
-        drift = [x + ft * (y - x) for x, y in zip(a, b)]
         mean = []
         h_rel = clamp(h_um / radius, -1.0, 1.0)
         known = self.number("exits", m) > 0.5
@@ -479,45 +473,23 @@ class Plies:
             none = [0.0, dr.sqrt(dr.maximum(1.0 - h_rel * h_rel, 1e-12)), -h_rel, 0.0, 0.0] if k == 0 else [0.0] * 5
             mean.append([dr.select(known, x, y) for x, y in zip(c, none)])
         s, c = dr.sincos(theta_i)
-        tan = s / dr.maximum(c, 1.0 / MAX_TAN)
-        return mean, tan, dr.sqrt(dr.maximum(1.0 - h_rel * h_rel, 1e-12)) * tan, drift
+        return mean, s / dr.maximum(c, 1.0 / MAX_TAN)
 
 
 def exit_lines(exits, v):
     """(t, s) of the three kinds of light in direction ``v`` of the ply frame."""
-    mean, tan_i, entry, drift = exits
+    mean, tan_i = exits
     squared = v[0] * v[0] + v[1] * v[1]
     per = dr.select(squared > 1e-8, dr.rsqrt(dr.maximum(squared, 1e-8)), 0.0)
     x, y = v[0] * per, v[1] * per
     terms = [1.0, x, y, x * y, x * x - y * y]
     tan = clamp(v[2] * per, -MAX_TAN, MAX_TAN)
-    place = clamp((0.5 * v[2] + 0.5) * DRIFT_BINS - 0.5, 0.0, DRIFT_BINS - 1.0)
-    weights = [dr.maximum(1.0 - dr.abs(place - i), 0.0) for i in range(DRIFT_BINS)]
     lines = []
-    for kind, c in enumerate(mean):
+    for c in mean:
         t = clamp(sum(a * b for a, b in zip(c, terms)), -1.0, 1.0)
         px, py = -c[2], c[1]
-        if kind == 0:
-            s = py * tan_i - (px * x + py * y) * tan
-        else:
-            displaced = sum(w * drift[2 * i + kind - 1] for i, w in enumerate(weights))
-            s = entry + displaced - CHORD * dr.sqrt(dr.maximum(1.0 - t * t, 1e-12)) * tan
-        lines.append((t, s))
+        lines.append((t, py * tan_i - (px * x + py * y) * tan))
     return lines
-
-
-def _turned(drift):
-    """Displacements by the cosines of the ply turned about y."""
-    return [drift[2 * i + kind] for i in reversed(range(DRIFT_BINS)) for kind in range(2)]
-
-
-def _drift_means(f):
-    """Mean displacements ``[M][6][2]`` of clear and of dark fibers' light (src/ply/data/drift.rs)."""
-    v = 1.0 / (1.0 + EXIT_LENGTH_UM * f["sigma_per_um"])
-    means = np.einsum("mcq,mcqk->mck", f["drift"], f["drift_share"], dtype=np.float64)
-    clear = means[..., :1]
-    dark = ((1.0 - v) * (means - v * clear)).sum(-1) / (((1.0 - v) ** 2).sum() + 1e-12)
-    return np.stack([clear[..., 0], dark], -1)
 
 
 def clear_share(sigma):

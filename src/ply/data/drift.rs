@@ -63,21 +63,4 @@ impl ExitDrift {
         c.range(NAMES[0], &self.at, -DRIFT_MAX, DRIFT_MAX)?;
         c.range(NAMES[1], &self.share, 0.0, 1.001)
     }
-
-    /// Mean displacements `[M][DRIFT_BINS]` of clear and of dark fibers' light. `clear` is the share of
-    /// clear fibers' kind at each absorption; a mixture by these shares is nearest to the means at all of them.
-    pub(crate) fn means(&self, clear: &[f64]) -> Vec<[f32; 2]> {
-        let k = clear.len();
-        let bins = self.at.chunks_exact(DRIFT_QUANTILES).zip(self.share.chunks_exact(DRIFT_QUANTILES * k));
-        let mean = |(at, share): (&[f64], &[f64])| {
-            let of = |i: usize| at.iter().zip(share.chunks_exact(k)).map(|(at, share)| at * share[i]).sum::<f64>();
-            let (mut sum, mut squares) = (0.0, 1e-12);
-            for (i, v) in clear.iter().enumerate() {
-                sum += (1.0 - v) * (of(i) - v * of(0));
-                squares += (1.0 - v) * (1.0 - v);
-            }
-            [of(0) as f32, (sum / squares) as f32]
-        };
-        bins.map(mean).collect()
-    }
 }

@@ -12,11 +12,8 @@
 //! `v = 1 / (1 + sigma L)` and 1 - v, where L = [`EXIT_LENGTH_UM`]. About the mean, light has the density of
 //! [`ExitShape`], whose length is the lateral spread. Clear fibers spread light over the ply. Metal wires,
 //! whose first reflection is part of f_high as well, scatter it next to its entry point.
-//!
-//! Along the axis, single reflection leaves from the point P at which the light is scattered, and other light
-//! at a mean displacement from its entry ([`ExitDrift`]).
 
-use super::drift::{DRIFT_BINS, ExitDrift};
+use super::drift::ExitDrift;
 use crate::Result;
 use crate::io::{Check, Reader, Writer};
 use crate::math::simd::{exp2, max, min};
@@ -91,16 +88,13 @@ pub(crate) struct ExitTables {
     per_h: f32,
     h_first: f32,
     mean: Vec<Coefficients>,
-    /// `[M][DRIFT_BINS]`: mean displacements of clear and of dark fibers' light.
-    drift: Vec<[f32; 2]>,
     pub(crate) shapes: [ExitShape; EXIT_KINDS],
 }
 
 impl ExitTables {
     /// Lays out the offsets of a model with these axes.
-    pub(crate) fn new(exits: &ExitOffsets, theta_i: &[f64], h_um: &[f64], sigma_per_um: &[f64]) -> ExitTables {
+    pub(crate) fn new(exits: &ExitOffsets, theta_i: &[f64], h_um: &[f64]) -> ExitTables {
         let (rows, columns) = (theta_i.len(), h_um.len());
-        let clear: Vec<f64> = sigma_per_um.iter().map(|sigma| 1.0 / (1.0 + EXIT_LENGTH_UM * sigma)).collect();
         let of = |at: usize| std::array::from_fn(|i| exits.mean[at * EXIT_TERMS + i] as f32);
         ExitTables {
             rows,
@@ -109,14 +103,13 @@ impl ExitTables {
             per_h: ((columns - 1) as f64 / (h_um[columns - 1] - h_um[0])) as f32,
             h_first: h_um[0] as f32,
             mean: (0..rows * columns).map(|node| std::array::from_fn(|k| of(EXIT_KINDS * node + k))).collect(),
-            drift: exits.drift.means(&clear),
             shapes: exits.length.map(ExitShape::new),
         }
     }
 
-    /// Offsets at an incidence on a ply of this radius, bilinear between the nodes. A negative latitude is
-    /// evaluated for the ply rotated about y.
-    pub(crate) fn at(&self, theta_i: f32, h_um: f32, radius_um: f32) -> ExitsAt {
+    /// Offsets at an incidence, bilinear between the nodes. A negative latitude is evaluated for the ply
+    /// rotated about y.
+    pub(crate) fn at(&self, theta_i: f32, h_um: f32) -> ExitsAt {
         let (theta, h) = (theta_i.abs(), if theta_i < 0.0 { -h_um } else { h_um });
         let place = |x: f32, count: usize| {
             let x = crate::math::simd::min(crate::math::simd::max(x, 0.0), (count - 1) as f32);
@@ -145,13 +138,7 @@ impl ExitTables {
                 *c = [-c[0], c[1], -c[2], c[3], -c[4]];
             }
         }
-        let rows = &self.drift[m * DRIFT_BINS..];
-        let drift = std::array::from_fn(|i| {
-            let bin = if theta_i < 0.0 { DRIFT_BINS - 1 - i } else { i };
-            let [a, b] = [rows[bin], rows[DRIFT_BINS + bin]];
-            std::array::from_fn(|kind| (a[kind] + s * (b[kind] - a[kind])) * 1f32.copysign(theta_i))
-        });
-        ExitsAt { drift, ..ExitsAt::of(mean, theta_i, h_um / radius_um) }
+        ExitsAt { mean, tan: tan(theta_i) }
     }
 }
 
@@ -178,46 +165,23 @@ pub struct ExitsAt {
     mean: Coefficients,
     /// Tangent of the latitude.
     tan: f32,
-    /// Where the incident line crosses the cylinder, along z from where it is nearest to the axis.
-    entry: f32,
-    /// Mean displacements of clear and of dark fibers' light, by the bin of the outgoing direction.
-    drift: [[f32; 2]; DRIFT_BINS],
 }
 
-/// Mean over the offsets of the half chord across the cylinder, over that at the mean offset.
-const CHORD: f32 = 0.85;
-
 impl ExitsAt {
-    /// Exits with these means that are not displaced, for a line at the offset `h`, in units of R.
-    fn of(mean: Coefficients, theta_i: f32, h: f32) -> ExitsAt {
-        let tan = tan(theta_i);
-        ExitsAt { mean, tan, entry: max(1.0 - h * h, 0.0).sqrt() * tan, drift: [[0.0; 2]; DRIFT_BINS] }
-    }
-
     /// Offsets for models that do not store them. Single reflection exits from the ply's wall where a line at
     /// the offset `h`, in units of R, enters it; other light exits from anywhere.
     pub(crate) fn unknown(theta_i: f32, h: f32) -> ExitsAt {
         let h = h.clamp(-1.0, 1.0);
         let mut mean = [[0.0; EXIT_TERMS]; EXIT_KINDS];
         mean[0] = [0.0, (1.0 - h * h).sqrt(), -h, 0.0, 0.0];
-        ExitsAt::of(mean, theta_i, h)
-    }
-
-    /// Distance along z, in units of R, from the point at which the incident line is nearest to the axis to
-    /// that of a line in direction `wo` that crosses the cylinder at a displacement from the entry; `half_chord`
-    /// is the distance across z between that crossing and the line's nearest point.
-    #[inline]
-    pub fn nearest(&self, displacement: f32, half_chord: f32, wo: [f32; 3]) -> f32 {
-        let across = (wo[0] * wo[0] + wo[1] * wo[1]).sqrt();
-        self.entry + displacement - half_chord * (wo[2] / max(across, 1e-4)).clamp(-MAX_TAN, MAX_TAN)
+        ExitsAt { mean, tan: tan(theta_i) }
     }
 
     /// Mean lines of the three kinds of light in a direction of the ply frame, for a model with these shapes.
     ///
-    /// For single reflection, the point P at which the light is scattered lies on the incident line, so
-    /// `P_z = P_y tan theta_i`. The exit line is nearest to the axis at `s = P_z - (P_x x + P_y y) tan theta_o`.
-    /// Other light crosses the cylinder at the mean displacement from the entry, and is nearest to the axis
-    /// half a chord before.
+    /// The point P at which the light is scattered lies on the incident line, so `P_z = P_y tan theta_i`. The
+    /// exit line is nearest to the axis at `s = P_z - (P_x x + P_y y) tan theta_o`. How far fibers carry light
+    /// along the ply ([`ExitDrift`]) is left to those who follow it from ply to ply.
     #[inline]
     pub fn lines(&self, shapes: &[ExitShape; EXIT_KINDS], wo: [f32; 3]) -> [ExitLine; EXIT_KINDS] {
         let squared = wo[0] * wo[0] + wo[1] * wo[1];
@@ -226,9 +190,6 @@ impl ExitsAt {
         let terms = exit_terms(x, y);
         let tan = (wo[2] * per).clamp(-MAX_TAN, MAX_TAN);
         // A loop, because the compiler does not inline a closure of `from_fn`.
-        let bin = min(max((0.5 * wo[2] + 0.5) * DRIFT_BINS as f32 - 0.5, 0.0), (DRIFT_BINS - 1) as f32);
-        let node = (bin as usize).min(DRIFT_BINS - 2);
-        let (between, [a, b]) = (bin - node as f32, [self.drift[node], self.drift[node + 1]]);
         let mut lines = [ExitLine::default(); EXIT_KINDS];
         for (kind, line) in lines.iter_mut().enumerate() {
             let c = &self.mean[kind];
@@ -237,12 +198,7 @@ impl ExitsAt {
                 sum += c[i] * terms[i];
             }
             let ([px, py], t) = ([-c[2], c[1]], min(max(sum, -1.0), 1.0));
-            let s = if kind == 0 {
-                py * self.tan - (px * x + py * y) * tan
-            } else {
-                let drift = a[kind - 1] + between * (b[kind - 1] - a[kind - 1]);
-                self.nearest(drift, CHORD * (1.0 - t * t).sqrt(), wo)
-            };
+            let s = py * self.tan - (px * x + py * y) * tan;
             *line = ExitLine { s, density: shapes[kind].density(t) };
         }
         lines
@@ -408,12 +364,11 @@ mod tests {
             per_h: 1.0,
             h_first: -1.0,
             mean: [-1.0, 0.0, 1.0, -1.0, 0.0, 1.0].map(node).to_vec(),
-            drift: (0..2 * DRIFT_BINS).map(|i| [0.3 * i as f32 - 1.0, 0.1 * i as f32]).collect(),
             shapes: USUAL_EXIT_LENGTHS.map(ExitShape::new),
         };
         for (h, w) in [(0.5, [0.6, 0.3, 0.2]), (-0.2, [-0.3, -0.8, 0.1f32])] {
-            let one = tables.at(0.4, h, 1.0).lines(&tables.shapes, w);
-            let turned = tables.at(-0.4, -h, 1.0).lines(&tables.shapes, [-w[0], w[1], -w[2]]);
+            let one = tables.at(0.4, h).lines(&tables.shapes, w);
+            let turned = tables.at(-0.4, -h).lines(&tables.shapes, [-w[0], w[1], -w[2]]);
             for (a, b) in one.iter().zip(turned) {
                 assert!((a.s + b.s).abs() < 1e-6, "{a:?} {b:?}");
                 for t in [-0.6, 0.1, 0.7] {

@@ -27,6 +27,10 @@ const DRAFT_BEAMS: usize = 1 << 15;
 /// Period of the beams: two of every `FOLLOWED` are followed until they leave the cloth.
 const FOLLOWED: usize = 4;
 
+/// Bound of the energy that leaves over what the first ply has left of it. In directions that nearly all light
+/// reaches through fibers, the rare path of single reflection stands for all light of dark fibers.
+const MAX_PER_FIRST: f32 = 100.0;
+
 /// Number of energies sampled at a first ply: occluded light sent up, occluded light sent down and all
 /// scattered light, each by absorption.
 const FIRST_VALUES: usize = 3 * SIGMAS;
@@ -118,7 +122,7 @@ impl Found {
             for j in 0..SIGMAS {
                 let energy = path.weight[0][i] * path.weight[1][j];
                 let pair = first + SIGMAS * i + j;
-                of_cause.add(pair, energy / path.first[[i, j][own]].max(1e-30), &few);
+                of_cause.add(pair, (energy / path.first[[i, j][own]].max(1e-30)).min(MAX_PER_FIRST), &few);
                 self.mean[side].add(pair, energy, t);
             }
         }

@@ -20,6 +20,8 @@ const FIRSTS: usize = 4;
 const EVEN: [f32; 3] = [0.819_172_5, 0.671_043_6, 0.549_700_5];
 /// Maximum number of directions drawn until one is accepted.
 const MAX_DRAWN: usize = 100;
+/// Largest tangent of a latitude, for light almost along a ply.
+const MAX_TAN: f32 = 6.0;
 /// Remaining weight below which a path is dropped.
 const MIN_WEIGHT: f32 = 1e-4;
 
@@ -164,7 +166,13 @@ impl Escaped {
             *weight *=
                 (light.high[k] / high).min(1.0) * (clear_shares[k] + (1.0 - clear_shares[k]) * dark) * drift_weights[k];
         }
-        let half_chord = (1.0 - t * t).max(0.0).sqrt();
-        Some((t, exits.nearest(drift.map_or(0.0, |drift| drift.over_r), half_chord, w)))
+        // Displacements run between the points at which lines cross the cylinder, each half a chord from where
+        // its line is nearest to the axis.
+        let half_chord = |t: f32, axial: f32| {
+            let across = (1.0 - axial * axial).max(1.0 / (1.0 + MAX_TAN * MAX_TAN)).sqrt();
+            (1.0 - t * t).max(0.0).sqrt() * axial / across
+        };
+        let displaced = drift.map_or(0.0, |drift| drift.over_r);
+        Some((t, half_chord(h_um / radius_um, theta_i.sin()) + displaced - half_chord(t, w[2])))
     }
 }
