@@ -4,8 +4,8 @@
 //! at which light leaves. Polynomials of the azimuth (`plywave::ply::ExitOffsets`) are fitted to its mean by
 //! least squares, weighted by the light of the azimuth, with equal weight for each absorption. The densities
 //! about these means have one length per kind of light for all incidences, fitted to the recorded cumulative
-//! distributions by least squares weighted by the light. Displacements along the axis are the quantiles of the
-//! recorded distributions.
+//! distributions by least squares weighted by the light. Displacements along the axis are the quantiles of
+//! the recorded distributions.
 
 use plywave::ply::{
     DRIFT_QUANTILES, EXIT_KINDS, EXIT_LENGTH_UM, EXIT_LENGTHS, EXIT_TERMS, ExitDrift, ExitOffsets, ExitShape,
@@ -123,8 +123,8 @@ pub fn fit_exits(table: &Table) -> Option<ExitOffsets> {
     Some(ExitOffsets { mean, length, drift })
 }
 
-/// Displacements along the axis: the mean of each eighth of clear fibers' light, and the share of the light in
-/// it at every absorption. `light` is that of a table ([`plywave_tables::table::ExitPositions::drift`]).
+/// Displacements along the axis: the mean of each eighth of clear fibers' light, and the share of the light
+/// in it at every absorption. `light` is that of a table ([`plywave_tables::table::ExitPositions::drift`]).
 fn drift_of(light: &[f32], rows: usize, k: usize) -> ExitDrift {
     let mut found = ExitDrift::none(rows, k);
     for ((light, at), share) in light
@@ -256,8 +256,8 @@ mod tests {
     use plywave::ply::DRIFT_BINS;
     use plywave_tables::table::displacement_part;
 
-    /// The displacements of light spread evenly over [0, 4] R, whose dark part fell as exp(-D), are the middles
-    /// of its eighths, and their dark shares are the integrals of exp(-D).
+    /// The displacements of light spread evenly over [0, 4] R, whose dark part fell as exp(-D), are the
+    /// middles of its eighths, and their dark shares are the integrals of exp(-D).
     #[test]
     fn displacements_are_quantiles() {
         let parts = |of: &dyn Fn(f64) -> f64| {

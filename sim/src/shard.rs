@@ -312,8 +312,8 @@ fn exit_place(dir: Vector3<f32>, pos: Vector3<f32>, radius: f32) -> usize {
     azimuth.min(EXIT_AZIMUTHS - 1) * EXIT_POSITIONS + position.min(EXIT_POSITIONS - 1)
 }
 
-/// Place `[bin][displacement]` of light that came through (x, 0, 0) in direction `ray_dir` and leaves
-/// through `pos` in direction `dir`. The displacement is that between the points where the two lines cross the
+/// Place `[bin][displacement]` of light that came through (x, 0, 0) in direction `ray_dir` and leaves through
+/// `pos` in direction `dir`. The displacement is that between the points where the two lines cross the
 /// cylinder of the ply's radius.
 fn drift_place((x, ray_dir): (f32, Vector3<f32>), (dir, pos): (Vector3<f32>, Vector3<f32>), radius: f32) -> usize {
     // Distance along z from the point of a line nearest to the axis to where it crosses the cylinder.

@@ -1,8 +1,8 @@
 //! Displacement along a ply: how far along the axis light of f_high leaves from where it entered.
 //!
 //! Fibers guide light, so that it leaves a ply further along in the direction in which it travels. The
-//! displacement D runs along the axis from the point where the incident line crosses the cylinder of the ply's
-//! radius R to the point where the exit line crosses it, in units of R. It is tabulated by latitude of
+//! displacement D runs along the axis from the point where the incident line crosses the cylinder of the
+//! ply's radius R to the point where the exit line crosses it, in units of R. It is tabulated by latitude of
 //! incidence and by the cosine between the outgoing direction and the axis, as an average over offsets.
 
 use crate::Result;

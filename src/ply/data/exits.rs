@@ -180,8 +180,8 @@ impl ExitsAt {
     /// Mean lines of the three kinds of light in a direction of the ply frame, for a model with these shapes.
     ///
     /// The point P at which the light is scattered lies on the incident line, so `P_z = P_y tan theta_i`. The
-    /// exit line is nearest to the axis at `s = P_z - (P_x x + P_y y) tan theta_o`. How far fibers carry light
-    /// along the ply ([`ExitDrift`]) is left to those who follow it from ply to ply.
+    /// exit line is nearest to the axis at `s = P_z - (P_x x + P_y y) tan theta_o`. How far fibers carry
+    /// light along the ply ([`ExitDrift`]) is left to those who follow it from ply to ply.
     #[inline]
     pub fn lines(&self, shapes: &[ExitShape; EXIT_KINDS], wo: [f32; 3]) -> [ExitLine; EXIT_KINDS] {
         let squared = wo[0] * wo[0] + wo[1] * wo[1];

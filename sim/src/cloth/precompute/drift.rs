@@ -1,5 +1,5 @@
-//! Displacements along a ply for paths through a cloth, with the weights of its absorptions, and the places on
-//! curves to which they lead.
+//! Displacements along a ply for paths through a cloth, with the weights of its absorptions, and the places
+//! on curves to which they lead.
 
 use plywave::PlyModel;
 use plywave::cloth::light::{SIGMA_PER_UM, SIGMAS};

@@ -27,8 +27,8 @@ const DRAFT_BEAMS: usize = 1 << 15;
 /// Period of the beams: two of every `FOLLOWED` are followed until they leave the cloth.
 const FOLLOWED: usize = 4;
 
-/// Bound of the energy that leaves over what the first ply has left of it. In directions that nearly all light
-/// reaches through fibers, the rare path of single reflection stands for all light of dark fibers.
+/// Bound of the energy that leaves over what the first ply has left of it. In directions that nearly all
+/// light reaches through fibers, the rare path of single reflection stands for all light of dark fibers.
 const MAX_PER_FIRST: f32 = 100.0;
 
 /// Number of energies sampled at a first ply: occluded light sent up, occluded light sent down and all

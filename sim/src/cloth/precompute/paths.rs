@@ -90,8 +90,8 @@ impl Escaped {
     /// Returns `(t, s)`, both over the ply's radius R: the new line passes the axis at the offset `-t` along
     /// `d cross z`, and is nearest to it at `s` along the curve. Returns `None` if no direction is accepted.
     /// `first` is the class and the shadows of a first ply, whose occluded and scattered energies are then
-    /// sampled; a path that is not followed ends there. `passes` is the transmittance of the layer of hairs in
-    /// a direction.
+    /// sampled; a path that is not followed ends there. `passes` is the transmittance of the layer of hairs
+    /// in a direction.
     pub(super) fn scatter(
         &mut self,
         scattered: &Scattered<'_>,
@@ -166,8 +166,8 @@ impl Escaped {
             *weight *=
                 (light.high[k] / high).min(1.0) * (clear_shares[k] + (1.0 - clear_shares[k]) * dark) * drift_weights[k];
         }
-        // Displacements run between the points at which lines cross the cylinder, each half a chord from where
-        // its line is nearest to the axis.
+        // Displacements run between the points at which lines cross the cylinder, each half a chord from
+        // where its line is nearest to the axis.
         let half_chord = |t: f32, axial: f32| {
             let across = (1.0 - axial * axial).max(1.0 / (1.0 + MAX_TAN * MAX_TAN)).sqrt();
             (1.0 - t * t).max(0.0).sqrt() * axial / across
