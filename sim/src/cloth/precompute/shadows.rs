@@ -13,15 +13,10 @@ use plywave::math::vec3::{cross, dot};
 use std::collections::HashMap;
 use std::f32::consts::TAU;
 
-/// Distance of two places along a ply, over its radius, of a cell whose places have tables of their own: what
-/// a viewer sees of a ply and where its light escapes go together over less than a radius.
-const STEP: f32 = 0.6;
-/// The distance in a large cell, whose places share tables.
-const SHARED_STEP: f32 = 1.5;
-/// Part of the distance over which a place averages; lookups interpolate between places.
-const WIDTH: f32 = 0.5;
-/// Maximum number of places with tables of their own; longer plies have places farther apart.
-const MAX_PLACES: f32 = 2000.0;
+/// Distance of two places along a ply, over its radius.
+const STEP: f32 = 1.5;
+/// Maximum number of places of a cloth; longer plies have places farther apart.
+const MAX_PLACES: f32 = 1000.0;
 /// Number of lines of an entry over all places together, and its minimum and maximum at one place. A cloth of
 /// few places needs more lines at each, since noise does not average out over places.
 const LINES: usize = 2048;
@@ -46,9 +41,8 @@ impl Places {
             let knots = lines.knots(curve);
             (0..knots).map(|k| lines.speed_um(curve, k as f32 + 0.5)).sum::<f32>()
         };
+        let wanted: Vec<f32> = (0..lines.curves()).map(|c| length(c) / (STEP * lines.radius_um(c))).collect();
         let is_shared = curves.curves.iter().all(|curve| !curve.alike.is_empty());
-        let step = if is_shared { SHARED_STEP } else { STEP };
-        let wanted: Vec<f32> = (0..lines.curves()).map(|c| length(c) / (step * lines.radius_um(c))).collect();
         let less = if is_shared { 1.0 } else { (MAX_PLACES / wanted.iter().sum::<f32>()).min(1.0) };
         let mut places = Places { counts: Vec::new(), all: Vec::new(), like: Vec::new() };
         let mut first_of: HashMap<(u32, u32), usize> = HashMap::new();
@@ -109,7 +103,7 @@ fn fill(row: &mut [u8], plies: &ClothPlies, (curve, middle, width): (usize, f32,
     let mut rng = SplitMix64(0x7368_6164 ^ seed << 20);
     let mut hits = LineHits::default();
     let at = |u: f32| {
-        let parameter = middle + WIDTH * width * (u - 0.5);
+        let parameter = middle + width * (u - 0.5);
         let parameter = if parameter < 0.0 { parameter + knots } else { parameter };
         lines.axis_at(curve, parameter)
     };
