@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Rebuilds the models that ship in fabrics/models/ from the specs in fabrics/: preset standard, seed 1, with speckle of single fibers. Yarns of several
-# plies, NAME_Pply, are made of the table of one ply, NAME. Plies of the cloths that ship are of preview quality, without speckle.
+# plies, NAME_Pply, are made of the table of one ply, NAME. Plies of the cloths that ship are of preview quality, that of satin at standard, without speckle.
 #
 #   scripts/rebuild_models.sh                  all yarns and plies
 #   scripts/rebuild_models.sh silk wool_2ply   these only
@@ -37,6 +37,12 @@ done
 for yarn in "${yarns[@]}"; do
     if is_ply "$yarn"; then
         python3 -c 'import json, sys; print(json.load(open("fabrics/models/plies.json"))[sys.argv[1]], end="")' "$yarn" >"$tables/$yarn.toml"
+        # Filaments of a satin need the finer grid.
+        if [ "$yarn" = polyester_bundle ]; then
+            target/release/plywave simulate "$tables/$yarn.toml" --preset "$preset" --seed "$seed" --resume -o "$tables/$yarn.pwt"
+            target/release/plywave fit "$tables/$yarn.pwt" -o "$out/$yarn.pwm"
+            continue
+        fi
         # Few fibers in a bundle make sharp slices, which three lobes fit within .4.
         target/release/plywave build "$tables/$yarn.toml" --preset preview --seed "$seed" --max-error-refl 0.4 -o "$out/$yarn.pwm"
         continue
