@@ -51,7 +51,7 @@ impl<const T: usize> RegressionSums<T> {
 
     /// `[output][term]`: coefficients of each output.
     pub fn solve(&self) -> Vec<[f32; T]> {
-        let ridge = 1e-6 * self.normal[0][0].max(1e-30);
+        let ridge = 1e-5 * self.normal[0][0].max(1e-30);
         let lower = DMatrix::from_fn(T, T, |i, j| self.normal[i.max(j)][i.min(j)]);
         let right = DMatrix::from_fn(T, self.right.len(), |i, output| self.right[output][i]);
         let solved = solve(lower, ridge, right);
