@@ -22,6 +22,7 @@ use crate::cloth::light::far_grid::FarData;
 use crate::cloth::light::gaps::ClothGaps;
 use crate::cloth::light::hair_layer::{HairLayer, HairsAt};
 use crate::cloth::light::inter_yarn::{CLASSES, CLASSES_A_KIND, InterYarn, PLY_CLASSES, class, class_of_hairs};
+use crate::cloth::light::lit_places::{RatiosOfPlies, angle_of};
 use crate::cloth::query::{ClothOptions, ClothQuery, GapLight, in_pattern};
 use crate::cloth::shade::shadows::{ClothShade, ClothShadows};
 use crate::cloth::yarn_look::Slits;
@@ -128,7 +129,7 @@ impl ClothModel {
             plies,
             options: *options,
             shadows: data.shadows,
-            inter_yarn: InterYarn { runs, ..data.inter_yarn },
+            inter_yarn: data.inter_yarn.along(runs),
             hairs,
             slits,
             gaps,
@@ -291,6 +292,8 @@ impl ClothModel {
         let mut is_mean = [0, 1].map(|kind| self.dyes.several(kind) && query.sigma_per_um[kind].is_none());
         let mut firsts = [(0, [0.0; N]); MAX_NEAR + 5];
         let mut count = 0;
+        let is_uneven = !self.inter_yarn.places.is_even();
+        let mut ratios = RatiosOfPlies::default();
         if let Some(layer) = self.hairs.as_deref() {
             at.passing = layer.passes(wo);
         }
@@ -317,11 +320,16 @@ impl ClothModel {
             };
             let class = class(kind, depth, depth + 1 < hits.len());
             let arrives = at.passing;
+            let lit_at =
+                |ply: &NearPly<'a, N>| self.inter_yarn.places.at(ply.shade.tables(), angle_of(hit, ply.frame[1]));
             let r_d = if at.main.is_none() {
                 let main = at.main.insert(self.near_ply((hit, class), model.uncached_at(&ply_query), arrives, wo));
                 main.ply.prepare_into(&mut at.prepared);
                 let r_d = main.energies(&at.prepared);
                 firsts[count] = (class, main.energy.map(|e| arrives * e));
+                if is_uneven {
+                    ratios.add(arrives * (1.0 - r_d), &lit_at(main));
+                }
                 count += 1;
                 r_d
             } else {
@@ -350,6 +358,9 @@ impl ClothModel {
                 ply.caught = 1.0 - r_d;
                 let ply = at.others[slot].insert(ply);
                 firsts[count] = (class, ply.energy.map(|e| arrives * e));
+                if is_uneven {
+                    ratios.add(arrives * (1.0 - r_d), &lit_at(ply));
+                }
                 count += 1;
                 r_d
             };
@@ -371,6 +382,10 @@ impl ClothModel {
         }
         if count > 0 {
             at.inter_yarn = self.inter_yarn.at(wo, &firsts[..count], sigma_per_um, self.sent_factors());
+            if is_uneven {
+                let deviations = ratios.deviations(&self.inter_yarn.places.mean_at(wo), 1.0 - at.passing);
+                at.inter_yarn.set_place(&self.inter_yarn, &deviations, sigma_per_um[first]);
+            }
         }
         at.passes = match (&at.main, &self.gaps) {
             (Some(main), _) if self.options.edges && main.ply.model.has_edge() => Passes::Edge,

@@ -40,6 +40,9 @@
 //! | `inter_yarn_shape` | `[2][2][64][16]` | by side, half it leaves in, pair of absorptions: polynomial of the distribution of directions |
 //! | `inter_yarn_parallel` | `[2][classes][2][2][8][8]` | by side, class, half it is sent to, half it leaves in, absorption: the part of `inter_yarn_leaves` that only yarns of one kind have scattered |
 //! | `inter_yarn_cones` | `[2][2][2][50]` | by side, kind, half it leaves in: width, 16 terms of the energy, 33 norms (`src/cloth/light/cones.rs`) |
+//! | `inter_yarn_places` | `[tables][8][2][2][4]` | by table in `shadow_free`, angle about the ply, side of the light, clear or dark fibers: ratio of inter-yarn light to its mean, coefficients of 1, x, y and z of the light (`src/cloth/light/lit_places.rs`) |
+//! | `inter_yarn_place_means` | `[2][168][2][2][4]` | by side of the viewer: spline coefficients of the mean of these over the cell |
+//! | `inter_yarn_shape_means` | `[2][2][64][4]` | by side, half it leaves in, pair of absorptions: means of 1, x, y and z over the directions of `inter_yarn_shape` |
 //! | `hair_area` | `[2][2][8]` | only for cloths with hairs, by side, kind and cosine: projected area of the visible hairs per area of the cloth (`src/cloth/light/hair_layer.rs`) |
 //! | `hair_scatter` | `[2][8][16][12][8]` | by kind, cosine of the viewer, cosine of the light, azimuth, absorption: density of the light that a hair scatters [1/sr] |
 //! | `far_phi_i`, `far_theta_i`, `far_sigma` | `[15]`, `[11]`, `[8]` | nodes of the mean over the cell: azimuth of the viewer on one side and latitude [degrees], absorption [1/um]; this and the following tensors exist only for cloths loaded with `ClothOptions::far` |
@@ -59,6 +62,7 @@ use crate::cloth::light::absorption::{SIGMA_PER_UM, SIGMAS};
 use crate::cloth::light::far_grid;
 use crate::cloth::light::hair_layer::{HAIR_AZIMUTHS, HAIR_COSINES};
 use crate::cloth::light::inter_yarn::{CLASSES, CLASSES_A_KIND, PAIRS, PLY_CLASSES, Side};
+use crate::cloth::light::lit_places::{ANGLES, FUNCTIONS, MAPS};
 use crate::cloth::light::terms::{FEW, TERMS};
 use crate::cloth::shade::shadow_table::{COLUMNS, LANES, ROWS};
 use crate::cloth::shade::splines::{COUNT, Several};
@@ -149,6 +153,12 @@ impl ClothModel {
         };
         f32s("inter_yarn_parallel", &[2, count, 2, 2, SIGMAS, FEW], of(&parallel));
         f32s("inter_yarn_cones", &[2, 2, 2, CONE_NUMBERS], of(&|s| cone_numbers(s)));
+        let places = &self.inter_yarn.places;
+        let map = places.map.as_flattened().as_flattened().as_flattened().as_flattened();
+        f32s("inter_yarn_places", &[places.map.len(), ANGLES, 2, MAPS, FUNCTIONS], map.to_vec());
+        let mean = places.mean.as_flattened().as_flattened().to_vec();
+        f32s("inter_yarn_place_means", &[places.mean.len(), COUNT, 2, MAPS, FUNCTIONS], mean);
+        f32s("inter_yarn_shape_means", &[2, 2, PAIRS, FUNCTIONS], self.inter_yarn.means().as_flattened().to_vec());
         if let Some(hairs) = &self.hairs {
             f32s("hair_area", &[2, 2, HAIR_COSINES], hairs.area.as_flattened().as_flattened().to_vec());
             let shape = [2, HAIR_COSINES, 2 * HAIR_COSINES, HAIR_AZIMUTHS, SIGMAS];

@@ -25,6 +25,10 @@ def answer(self, si, own, wo, between, s, of_plies, spectra, hairs):
     kit, cloth = self.kit, self.cloth
     detach = dr.detach if kit.jit else (lambda x: x)
     up, down, about, (caught, _) = cloth.inter_yarn(wo, *between)
+    if cloth.places is not None:
+        *ratios, weight = s["ratios"]
+        sigma = between[1][0] if cloth.kinds == 1 else dr.select(s["first_kind"] == 0, *between[1])
+        up, down, about, caught = cloth.at_place(wo, up, down, about, caught, ratios, weight, 1.0 - s["passing"], sigma)
     of_plies = detach(of_plies)
     plies = kit.mean(of_plies)
     root = lambda x: dr.sqrt(kit.mean(x * x))

@@ -47,6 +47,8 @@ class Tables(Shadows, Between):
         self.shape = kit.floats(tensors["inter_yarn_shape"])
         self.parallel = kit.floats(tensors["inter_yarn_parallel"])
         self.cones = kit.floats(tensors["inter_yarn_cones"])
+        self.places = kit.floats(tensors["inter_yarn_places"]) if tensors["inter_yarn_places"].size else None
+        self.place_means, self.shape_means = (kit.floats(tensors[f"inter_yarn_{what}_means"]) for what in ("place", "shape"))
         # Axes along which two kinds of yarns run; a cloth of one kind has no cones.
         along_y = tensors["kind"][:, 0] > 0.5
         self.axes = [int(y) for y in along_y] if len(along_y) == 2 else []

@@ -12,6 +12,7 @@ describe a point identify it.
 import drjit as dr
 
 from ._kit import detached
+from ._inter_yarn import RATIOS
 from ._light import KEPT, answer, entry
 from ._tables import MAX_NEAR, MIN_CAUGHT
 
@@ -87,6 +88,8 @@ def walk(self, si, active):
         # Energies by class, including that of the last ply, which scatters what later plies intercept.
         "classes": [none] * cloth.classes,
         "plies": none,
+        # Places of the plies, weighted by the light that they intercept.
+        "ratios": [] if cloth.places is None else [zero] * (RATIOS + 1),
         "last": {"more": kit.float(1.0), "catch": zero, "class": kit.uint(0), "energy": none},
         "main": {"q": [zero] * 8, "model": kit.uint(0)},
         # Color of the first hit ply of each kind.
@@ -119,6 +122,8 @@ def walk(self, si, active):
         cls = class_of(cloth, hit["kind"], i, count)
         s["plies"] = s["plies"] + sent
         s["classes"] = [e + dr.select(cls == c, sent, none) for c, e in enumerate(s["classes"])]
+        if cloth.places is not None:
+            s["ratios"] = [x + dr.select(counted, catch, 0.0) * of for x, of in zip(s["ratios"], [*cloth.ratios_at(hit), 1.0])]
         last = s["last"]
         more = dr.select(is_beyond, 1.0 + catch / dr.maximum(last["catch"], MIN_CAUGHT), 1.0)
         s["last"] = {
@@ -145,6 +150,7 @@ def walk(self, si, active):
     s["classes"] = [e + dr.select(last["class"] == c, more * last["energy"], none) for c, e in enumerate(s["classes"])]
     s["plies"] = s["plies"] + more * last["energy"]
     s["main"] = s["main"] | {"is": s["count"] > 0}
+    s["first_kind"] = kit.uint(0) if cloth.kinds == 1 else dr.select(count > 0, cloth.kind_of(found["piece"][0]), 0)
     last_kept = dr.select(several, s["count"] - 1, KEPT)
     is_moved = kit.jit and dr.grad_enabled(self.um_per_uv)
     if kit.jit and (is_moved or dr.grad_enabled(self.dyes, *(x for x in own if x is not None))):
@@ -183,6 +189,7 @@ def again(self, si, own, start, d, s, last_kept, more, corner):
     s, kept = dict(s), s["kept"]
     none, product = kit.zero_s(), kit.float(1.0)
     classes, plies, arriving = [kit.zero_s() for _ in s["classes"]], kit.zero_s(), []
+    ratios = [kit.float(0.0) for _ in s["ratios"]]
     main = s["main"]
     for i in range(KEPT):
         here = s["count"] > i
@@ -195,13 +202,16 @@ def again(self, si, own, start, d, s, last_kept, more, corner):
         sent = dr.select(here, grown * (kit.S(energies[1]) + cloth.plies.high_energy(energies[2], through)), none)
         classes = [e + dr.select(kept["class"][i] == c, sent, none) for c, e in enumerate(classes)]
         plies = plies + sent
+        if cloth.places is not None:
+            catch = dr.select(here, arrives * (1.0 - energies[0]), 0.0)
+            ratios = [x + catch * of for x, of in zip(ratios, [*cloth.ratios_at(hit), 1.0])]
         if i == 0:
             q = [theta_i, h, *hit["frame"][0], *hit["frame"][2]]
             main = main | {"q": [dr.select(here, x, y) for x, y in zip(q, main["q"])]}
         product = dr.select(here, product * energies[0], product)
         arriving.append(arrives)
     s["passing"] = product * ratio(s["passing"], product)
-    return s | {"kept": kept | {"arrives": arriving}, "classes": classes, "plies": plies, "main": main}
+    return s | {"kept": kept | {"arrives": arriving}, "classes": classes, "plies": plies, "ratios": ratios, "main": main}
 
 
 def ratio(value, product):

@@ -11,6 +11,7 @@ use crate::cloth::light::cones::{Cone, NORMS};
 use crate::cloth::light::far_grid::{COLUMNS, FarData, NODES, OPENING_NUMBERS, VIEWS};
 use crate::cloth::light::hair_layer::{HAIR_AZIMUTHS, HAIR_COSINES, HairLayer};
 use crate::cloth::light::inter_yarn::{CLASSES, InterYarn, PAIRS, PLY_CLASSES, Side};
+use crate::cloth::light::lit_places::{ANGLES, FUNCTIONS, LitPlaces, MAPS, RATIOS, Ratios};
 use crate::cloth::light::terms::{FEW, TERMS};
 use crate::cloth::query::ClothOptions;
 use crate::cloth::shade::shadow_table::{self, LANES, ROWS};
@@ -153,6 +154,8 @@ impl Document for ClothData {
             "inter_yarn_shape",
             "inter_yarn_parallel",
             "inter_yarn_cones",
+            "inter_yarn_places",
+            "inter_yarn_place_means",
             "hair_area",
             "hair_scatter",
             "albedo",
@@ -224,6 +227,11 @@ impl Document for ClothData {
         let parallel = of(&|s| s.parallel.as_flattened().as_flattened().to_vec());
         w.f32("inter_yarn_parallel", &[2, CLASSES, 2, 2, SIGMAS, FEW], parallel.into_iter());
         w.f32("inter_yarn_cones", &[2, 2, 2, CONE_NUMBERS], of(&|s| cone_numbers(s)).into_iter());
+        let places = &self.inter_yarn.places;
+        let map = places.map.as_flattened().as_flattened().as_flattened().as_flattened();
+        w.f16("inter_yarn_places", &[places.map.len(), ANGLES, 2, MAPS, FUNCTIONS], map.iter().copied());
+        let means = places.mean.as_flattened().as_flattened().iter().copied();
+        w.f32("inter_yarn_place_means", &[2, COUNT, 2, MAPS, FUNCTIONS], means);
         if let Some(hairs) = &self.hairs {
             let area = hairs.area.as_flattened().as_flattened().iter().copied();
             w.f32("hair_area", &[2, 2, HAIR_COSINES], area);
@@ -273,6 +281,7 @@ impl Document for ClothData {
             }
             false => Vec::new(),
         };
+        let places = shape[0];
         let shadows = ClothShadows::of(&counts, knots, tables, free).ok_or_else(|| {
             invalid(r.file(), "shadow_free", format!("{} places", shape[0]), "expected those of the curves")
         })?;
@@ -291,7 +300,12 @@ impl Document for ClothData {
                 cones: [0, 1].map(|kind| [0, 1].map(|half| cone_of(&cones[4 * side + 2 * kind + half]))),
             }
         };
-        let inter_yarn = InterYarn::new([side(0), side(1)]);
+        let map = rows::<FUNCTIONS>(r.f16("inter_yarn_places", &[places, ANGLES, 2, MAPS, FUNCTIONS])?);
+        let ratios: &[Ratios] = map.as_chunks::<MAPS>().0.as_chunks::<2>().0;
+        let mean = rows::<RATIOS>(r.f32("inter_yarn_place_means", &[2, COUNT, 2, MAPS, FUNCTIONS])?);
+        let mean = mean.as_chunks::<COUNT>().0.to_vec();
+        let places = LitPlaces { map: ratios.as_chunks::<ANGLES>().0.to_vec(), mean };
+        let inter_yarn = InterYarn::new([side(0), side(1)], places);
         let hairs = if r.has("hair_area") {
             let numbers = rows::<HAIR_COSINES>(r.f32("hair_area", &[2, 2, HAIR_COSINES])?);
             let area = [0, 1].map(|side| [0, 1].map(|kind| numbers[2 * side + kind]));
@@ -356,6 +370,10 @@ impl Document for ClothData {
                 c.range_f32("inter_yarn_cones (norm)", &cone.norm, 1e-6, 1e6)?;
             }
         }
+        let places = &self.inter_yarn.places;
+        let map = places.map.as_flattened().as_flattened().as_flattened().as_flattened();
+        c.range_f32("inter_yarn_places", map, -1e3, 1e3)?;
+        c.range_f32("inter_yarn_place_means", places.mean.as_flattened().as_flattened(), -1e3, 1e3)?;
         if let Some(hairs) = &self.hairs {
             c.range_f32("hair_area", hairs.area.as_flattened().as_flattened(), 0.0, 1e3)?;
             c.range_f32("hair_scatter", hairs.scatter.as_flattened(), 0.0, 1e3)?;

@@ -18,8 +18,10 @@
 //! which is symmetric except for cos b and has the energy E(a). N is computed by Sinkhorn scaling when the
 //! cloth is made. The integral of q is `v / (2 sqrt(s^2 + v^2))`, which is inverted to sample v.
 
+use crate::cloth::light::lit_places::FUNCTIONS;
 use crate::cloth::light::terms::{Poly, TERMS, dot, terms};
 use crate::math::simd::{max, min};
+use std::f32::consts::PI;
 
 /// Number of nodes of N over the sine, from -1 to 1.
 pub const NORMS: usize = 33;
@@ -97,6 +99,15 @@ impl<'a> ConeAt<'a> {
         let sine = min(max(b[self.axis], -1.0), 1.0);
         let q = self.cone.density(self.sine + sine);
         q * self.cone.energy(b) * b[2].abs() / (self.norm * self.cone.norm(sine))
+    }
+
+    /// Approximate means of the functions 1, x, y, |z| of the light's direction: those of light on the cone
+    /// itself, distributed by the cosine to the normal.
+    #[inline]
+    pub(crate) fn means(&self) -> [f32; FUNCTIONS] {
+        let mut means = [1.0, 0.0, 0.0, 0.25 * PI * max(1.0 - self.sine * self.sine, 0.0).sqrt()];
+        means[1 + self.axis] = -self.sine;
+        means
     }
 
     /// Integrals of q from 0 to the smallest and to the largest v that any direction has.

@@ -23,6 +23,7 @@
 use crate::cloth::geometry::plies::Runs;
 use crate::cloth::light::absorption::{SIGMAS, node_of};
 use crate::cloth::light::cones::{Cone, ConeAt};
+use crate::cloth::light::lit_places::{FUNCTIONS, LitPlaces, MAPS, Ratios, clear_map_share, functions};
 use crate::cloth::light::terms::{Few, Poly, dot, few, terms};
 use crate::cloth::shade::splines;
 use crate::math::clamp_unit;
@@ -32,6 +33,8 @@ use std::f32::consts::{PI, TAU};
 
 /// Share of the light near cones whose samples are drawn from the cones; all others are cosine-distributed.
 const ABOUT_CONES: f32 = 0.2;
+/// Largest slope of the density of samples over the direction, so that every direction is drawn.
+const MAX_LEAN: f32 = 0.9;
 /// Number of pairs of absorptions, one of each kind of yarn.
 pub const PAIRS: usize = SIGMAS * SIGMAS;
 /// Number of classes of the first scatterer: its kind of yarn; for a ply, whether it is the first on the line
@@ -66,6 +69,10 @@ pub struct Side {
 pub struct InterYarn {
     /// `[face, back]`.
     pub sides: [Side; 2],
+    /// Where the light leaves the cloth.
+    pub places: LitPlaces,
+    /// `[side][leaves up, down][pair]`: means of the functions of the light's direction over the shapes.
+    means: Vec<[f32; FUNCTIONS]>,
     /// `[kind]`: axis along which the yarns run.
     pub(crate) runs: [Runs; 2],
 }
@@ -85,27 +92,42 @@ pub fn class_of_hairs(kind: usize, is_behind: bool) -> usize {
 }
 
 impl InterYarn {
-    /// Builds the tables from both sides, with the warp along y.
-    pub fn new(sides: [Side; 2]) -> InterYarn {
-        InterYarn { sides, runs: [Runs::AlongY, Runs::AlongX] }
+    /// Builds the tables from both sides, with the warp along y, and the map over places.
+    pub fn new(sides: [Side; 2], places: LitPlaces) -> InterYarn {
+        let means = sides.iter().enumerate().flat_map(|(side, of)| {
+            of.shape.iter().enumerate().map(move |(at, shape)| {
+                // The side of the cloth on which the light leaves.
+                let up = (at < PAIRS) == (side == 0);
+                means_of_shape(shape, if up { 1.0 } else { -1.0 })
+            })
+        });
+        InterYarn { means: means.collect(), sides, places, runs: [Runs::AlongY, Runs::AlongX] }
+    }
+
+    /// The same tables for yarns that run along other axes.
+    #[must_use]
+    pub fn along(self, runs: [Runs; 2]) -> InterYarn {
+        InterYarn { runs, ..self }
     }
 
     pub(crate) fn memory_bytes(&self) -> usize {
-        self.sides
-            .iter()
-            .map(|s| {
-                size_of_val(s.caught.as_slice())
-                    + size_of_val(s.leaves.as_slice())
-                    + size_of_val(s.parallel.as_slice())
-                    + size_of_val(s.shape.as_slice())
-            })
-            .sum()
+        self.places.memory_bytes()
+            + self
+                .sides
+                .iter()
+                .map(|s| {
+                    size_of_val(s.caught.as_slice())
+                        + size_of_val(s.leaves.as_slice())
+                        + size_of_val(s.parallel.as_slice())
+                        + size_of_val(s.shape.as_slice())
+                })
+                .sum::<usize>()
     }
 
     /// Inter-yarn scattering of a beam from `a`. `firsts` are the classes of the first scatterers with the
     /// energies that they scatter, `sent` holds factors on the light that they send up and down.
     #[inline]
-    pub(crate) fn at<'a, const N: usize>(
+    pub fn at<'a, const N: usize>(
         &'a self,
         a: [f32; 3],
         firsts: &[(usize, [f32; N])],
@@ -121,6 +143,35 @@ impl InterYarn {
         at.set_cones(self, a, side);
         at
     }
+
+    /// `[side][leaves up, down][pair]`: means of the functions of the light's direction over the shapes.
+    pub(crate) fn means(&self) -> &[[f32; FUNCTIONS]] {
+        &self.means
+    }
+
+    /// The same of light from one side.
+    fn means_from(&self, side: usize) -> Option<&[[[f32; FUNCTIONS]; PAIRS]; 2]> {
+        self.means.as_chunks::<PAIRS>().0.get(2 * side..)?.first_chunk()
+    }
+}
+
+/// Means of the functions of a direction over a distribution of integral 1 on one half of the sphere, where z
+/// has this sign.
+fn means_of_shape(shape: &Poly, sign: f32) -> [f32; FUNCTIONS] {
+    const ROWS: usize = 16;
+    const COLUMNS: usize = 16;
+    let mut means = [0.0; FUNCTIONS];
+    for i in 0..ROWS * COLUMNS {
+        // Cosine-weighted directions.
+        let z = (((i / COLUMNS) as f32 + 0.5) / ROWS as f32).sqrt();
+        let (sin, cos) = (TAU * (i % COLUMNS) as f32 / COLUMNS as f32).sin_cos();
+        let across = (1.0 - z * z).sqrt();
+        let b = [across * cos, across * sin, sign * z];
+        let weight = PI / (ROWS * COLUMNS) as f32 * dot(shape, &terms(b));
+        means.iter_mut().zip(functions(b)).for_each(|(mean, value)| *mean += weight * value);
+    }
+    let per = 1.0 / means[0].max(1e-6);
+    means.map(|mean| per * mean)
 }
 
 /// The four pairs of absorptions around a pair of values, with their interpolation weights.
@@ -227,6 +278,7 @@ fn light<'a, const N: usize>(
             }
         }
     }
+    at.mean = at.energy;
     at
 }
 
@@ -242,14 +294,23 @@ fn eval<const N: usize>(shapes: &[Poly; PAIRS], corners: &[Corners; N], b: [f32;
 
 /// Inter-yarn scattering for one direction of incidence and N absorptions.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct InterYarnAt<'a, const N: usize> {
+pub struct InterYarnAt<'a, const N: usize> {
     up_sign: f32,
     /// `[leaves up, down]`: energies that leave the cloth.
     pub energy: [[f32; N]; 2],
+    /// The same, of the mean over places.
+    mean: [[f32; N]; 2],
+    /// `[leaves up, down][map]`: deviations from the mean over places, by function of the light's direction.
+    deviations: Ratios,
+    /// Shares of the map of clear fibers.
+    clear: [f32; N],
+    /// `[leaves up, down]`: x and y of the density of samples, `cos / pi (1 + x b_x + y b_y)`.
+    lean: [[f32; 2]; 2],
     /// `[kind][leaves up, down]`: the part of `energy` that only yarns of the kind have scattered.
     parallel: [[[f32; N]; 2]; 2],
-    /// Energy that other yarns intercept of all first scatterers, and of the plies of each kind alone.
+    /// Energy that other yarns intercept of all first scatterers.
     pub caught: [f32; N],
+    /// `[kind]`: the part of it that plies scattered first.
     pub caught_of_plies: [[f32; N]; 2],
     /// `[kind][leaves up, down]`: cones, and their shares of the samples.
     cones: [[Option<(ConeAt<'a>, f32)>; 2]; 2],
@@ -265,6 +326,10 @@ impl<'a, const N: usize> InterYarnAt<'a, N> {
         InterYarnAt {
             up_sign: if a[2] < 0.0 { -1.0 } else { 1.0 },
             energy: [[0.0; N]; 2],
+            mean: [[0.0; N]; 2],
+            deviations: [[[0.0; FUNCTIONS]; MAPS]; 2],
+            clear: [0.0; N],
+            lean: [[0.0; 2]; 2],
             parallel: [[[0.0; N]; 2]; 2],
             caught: [0.0; N],
             caught_of_plies: [[0.0; N]; 2],
@@ -290,6 +355,63 @@ impl<'a, const N: usize> InterYarnAt<'a, N> {
         }
     }
 
+    /// Moves the light to the place at which the viewer sees it: `deviations` are those of the plies there,
+    /// for light from the sides of the face and of the back.
+    #[inline]
+    pub fn set_place(&mut self, of: &InterYarn, deviations: &Ratios, sigma_per_um: [f32; N]) {
+        let side = usize::from(self.up_sign < 0.0);
+        self.deviations = [deviations[side], deviations[1 - side]];
+        self.clear = sigma_per_um.map(clear_map_share);
+        let Some(means) = of.means_from(side) else { return };
+        // `[k]`: energy that leaves, of the mean over places, and by the ratio of clear fibers.
+        let mut leaves = [[0.0; 2]; N];
+        for half in 0..2 {
+            for k in 0..N {
+                let mut at_shape = [0.0; FUNCTIONS];
+                for (pair, share) in &self.corners[k] {
+                    let of = &means[half][usize::from(*pair) % PAIRS];
+                    (0..FUNCTIONS).for_each(|i| at_shape[i] += share * of[i]);
+                }
+                let mut rest = self.mean[half][k];
+                let mut here = 0.0;
+                for kind in 0..2 {
+                    if let Some((cone, _)) = &self.cones[kind][half] {
+                        let own = self.parallel[kind][half][k];
+                        let [clear, ratio] = self.factors(half, k, &cone.means());
+                        here += own * ratio;
+                        leaves[k][1] += own * clear;
+                        rest -= own;
+                    }
+                }
+                let [clear, ratio] = self.factors(half, k, &at_shape);
+                self.energy[half][k] = here + rest * ratio;
+                leaves[k][0] += self.mean[half][k];
+                leaves[k][1] += rest * clear;
+            }
+            // Samples lean as the mean over wavelengths does.
+            let clear = self.clear.iter().sum::<f32>() / N.max(1) as f32;
+            let [bright, dark] = self.deviations[half];
+            let [x, y] = [1, 2].map(|i| dark[i] + clear * (bright[i] - dark[i]));
+            let [mean, here] = [self.mean, self.energy].map(|of| of[half].iter().sum::<f32>());
+            let per = mean / max(here, 1e-3 * mean).max(f32::MIN_POSITIVE);
+            let length = per * (x * x + y * y).sqrt();
+            let per = per * min(MAX_LEAN / length.max(f32::MIN_POSITIVE), 1.0);
+            self.lean[half] = [per * x, per * y];
+        }
+        // What leaves of clear fibers is what other yarns intercept.
+        for (caught, [all, clear]) in self.caught.iter_mut().zip(leaves) {
+            *caught *= if all > 0.0 { clear / all } else { 1.0 };
+        }
+    }
+
+    /// Ratios to the mean over places at values of the functions of the light's direction: of clear fibers, and
+    /// at one wavelength.
+    #[inline(always)]
+    fn factors(&self, half: usize, k: usize, t: &[f32; FUNCTIONS]) -> [f32; 2] {
+        let [clear, dark] = [0, 1].map(|map| dot(&self.deviations[half][map], t));
+        [max(1.0 + clear, 0.0), max(1.0 + dark + self.clear[k] * (clear - dark), 0.0)]
+    }
+
     /// Whether a direction lies in the half space of incidence.
     #[inline]
     fn is_up(&self, b: [f32; 3]) -> bool {
@@ -298,12 +420,12 @@ impl<'a, const N: usize> InterYarnAt<'a, N> {
 
     /// f in direction `b` [1/sr].
     #[inline]
-    pub(crate) fn eval(&self, b: [f32; 3]) -> [f32; N] {
+    pub fn eval(&self, b: [f32; 3]) -> [f32; N] {
         let half = usize::from(!self.is_up(b));
         let Some(shapes) = self.shapes else { return [0.0; N] };
         let mut f = eval(&shapes[half], &self.corners, b);
         for k in 0..N {
-            f[k] *= self.energy[half][k] - self.parallel[0][half][k] - self.parallel[1][half][k];
+            f[k] *= self.mean[half][k] - self.parallel[0][half][k] - self.parallel[1][half][k];
         }
         for kind in 0..2 {
             if let Some((cone, _)) = &self.cones[kind][half] {
@@ -311,6 +433,8 @@ impl<'a, const N: usize> InterYarnAt<'a, N> {
                 (0..N).for_each(|k| f[k] += self.parallel[kind][half][k] * of);
             }
         }
+        let t = functions(b);
+        (0..N).for_each(|k| f[k] *= self.factors(half, k, &t)[1]);
         f
     }
 
@@ -326,15 +450,17 @@ impl<'a, const N: usize> InterYarnAt<'a, N> {
                 rest -= share;
             }
         }
-        chances[half] * (pdf + rest * b[2].abs().min(1.0) / PI)
+        let [x, y] = self.lean[half];
+        chances[half] * (pdf + rest * b[2].abs().min(1.0) / PI * (1.0 + x * b[0] + y * b[1]))
     }
 
     /// Samples a direction of the light that leaves up (`half` 0) or down (1).
     pub(crate) fn draw(&self, half: usize, u: [f32; 3]) -> [f32; 3] {
         let up = if half == 0 { self.up_sign } else { -self.up_sign };
-        let mut remaining = u[0];
+        let (mut remaining, mut rest) = (u[0], 1.0);
         for kind in 0..2 {
             if let Some((cone, share)) = &self.cones[kind][half] {
+                rest -= share;
                 if remaining < *share {
                     return cone.draw([clamp_unit(u[1]), clamp_unit(u[2])], up);
                 }
@@ -343,6 +469,10 @@ impl<'a, const N: usize> InterYarnAt<'a, N> {
         }
         let (sin, cos) = (TAU * u[2]).sin_cos();
         let radius = u[1].sqrt();
-        [radius * cos, radius * sin, up * (1.0 - u[1]).max(0.0).sqrt()]
+        let [x, y] = [radius * cos, radius * sin];
+        // Of two opposite directions, each is drawn in proportion to its density.
+        let [lean_x, lean_y] = self.lean[half];
+        let sign = if remaining < 0.5 * rest * (1.0 + lean_x * x + lean_y * y) { 1.0 } else { -1.0 };
+        [sign * x, sign * y, up * (1.0 - u[1]).max(0.0).sqrt()]
     }
 }

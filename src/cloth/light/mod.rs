@@ -7,11 +7,15 @@ pub mod far_grid;
 pub(crate) mod gaps;
 pub(crate) mod hair_layer;
 pub(crate) mod inter_yarn;
+pub(crate) mod lit_places;
 pub(crate) mod terms;
 
 pub use absorption::{SIGMA_PER_UM, SIGMAS};
 pub use cones::{Cone, NORMS};
 pub use far_grid::FarData;
 pub use hair_layer::{HAIR_AZIMUTHS, HAIR_COSINES, HAIR_NODES, HairLayer, azimuth, once, once_through};
-pub use inter_yarn::{CLASSES, CLASSES_A_KIND, InterYarn, PAIRS, PLY_CLASSES, Side, class, class_of_hairs};
+pub use inter_yarn::{
+    CLASSES, CLASSES_A_KIND, InterYarn, InterYarnAt, PAIRS, PLY_CLASSES, Side, class, class_of_hairs,
+};
+pub use lit_places::{ANGLES, FUNCTIONS, LitPlaces, MAP_NODES, MAPS, RATIOS, Ratios, angle_of, functions};
 pub use terms::{FEW, Few, Poly, TERMS, dot, few, terms};

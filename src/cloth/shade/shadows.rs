@@ -103,6 +103,17 @@ impl<'a> ClothShade<'a> {
         }
     }
 
+    /// Tables of the two places around the hit, and the position between them.
+    #[inline]
+    pub fn tables(&self) -> ([usize; 2], f32) {
+        let (place, between) = floor_fraction(self.at);
+        let table = |place: i32| {
+            let place = self.places.first as usize + place.rem_euclid(self.places.count as i32) as usize;
+            self.shadows.tables.get(place).map_or(place, |table| *table as usize)
+        };
+        ([table(place), table(place.wrapping_add(1))], between)
+    }
+
     fn at(&self, s: f32) -> ShadowsAt<'a> {
         let (place, between) = floor_fraction(self.at + s * self.per_radius);
         let count = self.places.count as i32;

@@ -9,7 +9,7 @@ use super::hairs::{InLayer, Through};
 use super::paths::{Escaped, Scattered};
 use plywave::cloth::LineHits;
 use plywave::cloth::geometry::{ClothPlies, beyond, frame, start};
-use plywave::cloth::light::{HairLayer, class};
+use plywave::cloth::light::{HairLayer, angle_of, class};
 use plywave::cloth::shade::{ClothShade, ClothShadows, exit, is_own};
 use plywave::math::vec3::{cross, dot};
 
@@ -84,7 +84,8 @@ impl ClothPaths<'_> {
             let radius = hit.radius_um;
             let shade = ClothShade::new(self.shadows, hit, a, [true; 2]);
             let first = if path.orders == 0 {
-                Some((class(kind, depth, depth + 1 < hits.as_slice().len()), shade))
+                let follows = depth + 1 < hits.as_slice().len();
+                Some((class(kind, depth, follows), shade, angle_of(hit, frame[1])))
             } else {
                 None
             };

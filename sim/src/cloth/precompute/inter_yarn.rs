@@ -7,15 +7,16 @@
 
 use super::cones::{Parallel, cones};
 use super::follow::ClothPaths;
+use super::lit_places::{Followed, lit_places};
 use super::paths::Escaped;
 use super::regression::RegressionSums;
 use super::splines;
 use super::{Effort, Progress, parts};
 use crate::error::SimError;
 use plywave::cloth::light::{
-    CLASSES, CLASSES_A_KIND, FEW, InterYarn, PAIRS, Poly, SIGMAS, Side, TERMS, dot, few, terms,
+    CLASSES, CLASSES_A_KIND, FEW, InterYarn, LitPlaces, PAIRS, Poly, SIGMAS, Side, TERMS, dot, few, terms,
 };
-use plywave::cloth::shade::SplinesAt;
+use plywave::cloth::shade::{SHADOW_BYTES, SplinesAt};
 use plywave::math::hash::SplitMix64;
 use std::f32::consts::PI;
 
@@ -44,6 +45,7 @@ struct Found {
     leaves: [Vec<RegressionSums<FEW>>; 2],
     mean: [RegressionSums<TERMS>; 2],
     parallel: Parallel,
+    followed: Vec<Followed>,
 }
 
 impl Found {
@@ -53,6 +55,7 @@ impl Found {
             leaves: [0, 1].map(|_| (0..2 * CLASSES).map(|_| RegressionSums::new(2 * PAIRS)).collect()),
             mean: [0, 1].map(|_| RegressionSums::new(2 * PAIRS)),
             parallel: Parallel::none(),
+            followed: Vec::new(),
         }
     }
 
@@ -88,6 +91,9 @@ impl Found {
                 found.parallel.add_beam(side, &t, path.as_ref());
                 if let Some(path) = path {
                     found.add(side, a, &t, &path);
+                    if is_followed {
+                        found.followed.extend(Followed::new(a, &path));
+                    }
                     if paths.plies.kinds == 2 {
                         found.parallel.add(side, (a, &t), paths.plies.axes(), &path);
                     }
@@ -128,13 +134,14 @@ impl Found {
         }
     }
 
-    fn join(&mut self, other: &Found) {
+    fn join(&mut self, other: Found) {
         for side in 0..2 {
             self.caught[side].iter_mut().zip(&other.caught[side]).for_each(|(sums, other)| sums.join(other));
             self.leaves[side].iter_mut().zip(&other.leaves[side]).for_each(|(sums, other)| sums.join(other));
             self.mean[side].join(&other.mean[side]);
         }
         self.parallel.join(&other.parallel);
+        self.followed.extend(other.followed);
     }
 }
 
@@ -147,8 +154,10 @@ pub(super) fn inter_yarn(
     let beams = if effort == Effort::Draft { DRAFT_BEAMS } else { BEAMS };
     let found = parts("light between plies", CHUNKS, progress, |chunk| Found::new(paths, beams, chunk))?;
     let mut all = Found::none();
-    found.iter().for_each(|found| all.join(found));
-    let Found { caught, leaves, mean, parallel } = all;
+    for of in found {
+        all.join(of);
+    }
+    let Found { caught, leaves, mean, parallel, followed } = all;
     let cones = cones(&parallel, paths.plies.axes());
     let means = mean.map(|sums| sums.solve());
     let integrals = integrals();
@@ -172,7 +181,11 @@ pub(super) fn inter_yarn(
             shape: (0..2 * PAIRS).map(|at| shape(at / PAIRS, at % PAIRS)).collect(),
         }
     };
-    Ok(InterYarn::new([side(0), side(1)]))
+    let mut inter_yarn = InterYarn::new([side(0), side(1)], LitPlaces::default()).along(paths.plies.runs);
+    let tables = paths.shadows.free().len() / SHADOW_BYTES;
+    let places = lit_places(&inter_yarn, &followed, tables, progress)?;
+    inter_yarn.places = places;
+    Ok(inter_yarn)
 }
 
 /// Mixes a polynomial of integral 1 with the constant one until it is nonnegative in every direction:

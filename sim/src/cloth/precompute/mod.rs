@@ -12,6 +12,7 @@ mod far_views;
 mod follow;
 mod hairs;
 mod inter_yarn;
+mod lit_places;
 mod paths;
 mod regression;
 mod shadows;

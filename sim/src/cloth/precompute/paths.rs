@@ -6,7 +6,7 @@
 
 use super::drift::Drift;
 use plywave::PlyModel;
-use plywave::cloth::light::{SIGMA_PER_UM, SIGMAS};
+use plywave::cloth::light::{MAP_NODES, MAPS, SIGMA_PER_UM, SIGMAS};
 use plywave::cloth::shade::{ClothShade, Toward};
 use plywave::ply::ExitsAt;
 
@@ -43,11 +43,24 @@ pub(super) struct Escaped {
     pub weight: [[f32; SIGMAS]; 2],
     /// `[sigma]`: remaining weight after the first ply.
     pub first: [f32; SIGMAS],
+    /// Place on the first ply, if a ply scattered the path first.
+    pub at: Option<FirstPlace>,
     /// `[sent up, down][sigma]`: energy that the first ply scatters and other yarns occlude, by the table of
     /// shadows.
     pub caught: [[f32; SIGMAS]; 2],
     /// `[sigma]`: all energy that the first ply scatters.
     pub scattered: [f32; SIGMAS],
+}
+
+/// Place on its first ply at which a path enters.
+#[derive(Clone, Copy)]
+pub(super) struct FirstPlace {
+    /// Tables of shadows of the two places around it, and the position between them.
+    pub tables: ([usize; 2], f32),
+    /// Angle about the axis [turns].
+    pub angle: f32,
+    /// Energy that the ply scatters, over that of clear fibers, at the nodes of the map over places.
+    pub energy: [f32; MAPS],
 }
 
 /// A ply that scatters a path, with the path's incidence on it.
@@ -74,6 +87,7 @@ impl Escaped {
             kinds: 0,
             weight: [[1.0; SIGMAS]; 2],
             first: [1.0; SIGMAS],
+            at: None,
             caught: [[0.0; SIGMAS]; 2],
             scattered: [0.0; SIGMAS],
         }
@@ -89,13 +103,13 @@ impl Escaped {
     ///
     /// Returns `(t, s)`, both over the ply's radius R: the new line passes the axis at the offset `-t` along
     /// `d cross z`, and is nearest to it at `s` along the curve. Returns `None` if no direction is accepted.
-    /// `first` is the class and the shadows of a first ply, whose occluded and scattered energies are then
+    /// `first` is the class, the shadows and the angle of incidence about the axis of a first ply, whose occluded and scattered energies are then
     /// sampled; a path that is not followed ends there. `passes` is the transmittance of the layer of hairs
     /// in a direction.
     pub(super) fn scatter(
         &mut self,
         scattered: &Scattered<'_>,
-        first: Option<(usize, ClothShade<'_>)>,
+        first: Option<(usize, ClothShade<'_>, f32)>,
         (a, is_followed): ([f32; 3], bool),
         d: &mut [f32; 3],
         passes: &dyn Fn([f32; 3]) -> f32,
@@ -113,8 +127,14 @@ impl Escaped {
         let to_cloth = |w: [f32; 3]| -> [f32; 3] {
             std::array::from_fn(|i| frame[0][i] * w[0] + frame[1][i] * w[1] + frame[2][i] * w[2])
         };
-        if let Some((class, shade)) = first {
+        if let Some((class, shade, angle)) = first {
             self.class = class;
+            let energies = ply.albedo();
+            self.at = Some(FirstPlace {
+                tables: shade.tables(),
+                angle,
+                energy: MAP_NODES.map(|node| energies[node] / energy),
+            });
             // A low-discrepancy sequence with a random shift; weights of f over the density correct for it.
             let turn = [number(), number(), number()];
             for i in 0..FIRSTS {

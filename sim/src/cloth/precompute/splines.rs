@@ -41,7 +41,12 @@ impl<const F: usize> SplineSums<F> {
 
     /// Adds a sample: the values of the functions at a direction.
     pub fn add(&mut self, values: &[f32; F], at: &At) {
-        for (i, (index, wi)) in at.index.iter().zip(at.weight).enumerate() {
+        self.add_weighted(1.0, values, at);
+    }
+
+    /// Adds a sample of this weight.
+    pub fn add_weighted(&mut self, weight: f32, values: &[f32; F], at: &At) {
+        for (i, (index, wi)) in at.index.iter().zip(at.weight.map(|w| weight * w)).enumerate() {
             for (other, wj) in at.index[..=i].iter().zip(at.weight) {
                 let [row, column] = [*index.max(other), *index.min(other)].map(usize::from);
                 self.normal[row * COUNT + column] += f64::from(wi * wj);
