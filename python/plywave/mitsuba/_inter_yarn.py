@@ -15,8 +15,8 @@ CONE, NORMS, MIN_ENERGY = 50, 33, 1e-3
 ABOUT_CONES, MAX_LEAN = 0.2, 0.9
 
 
-# src/cloth/light/lit_places.rs: angles about a ply, maps (for clear and for dark fibers), functions of the light's
-# direction.
+# src/cloth/light/lit_places.rs: angles about a ply, maps (for clear and for dark fibers), functions of the
+# light's direction.
 ANGLES, MAPS, FUNCTIONS = 8, 2, 4
 RATIOS = 2 * MAPS * FUNCTIONS
 

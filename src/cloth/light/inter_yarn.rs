@@ -404,8 +404,8 @@ impl<'a, const N: usize> InterYarnAt<'a, N> {
         }
     }
 
-    /// Ratios to the mean over places at values of the functions of the light's direction: of clear fibers, and
-    /// at one wavelength.
+    /// Ratios to the mean over places at values of the functions of the light's direction: of clear fibers,
+    /// and at one wavelength.
     #[inline(always)]
     fn factors(&self, half: usize, k: usize, t: &[f32; FUNCTIONS]) -> [f32; 2] {
         let [clear, dark] = [0, 1].map(|map| dot(&self.deviations[half][map], t));

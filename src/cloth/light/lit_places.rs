@@ -5,8 +5,8 @@
 //! exchange is uneven: crests receive more of it than hollows, and under a lamp the flanks that face it. A
 //! map holds, for each place of the shadow table, each angle about the ply's axis and each half of the
 //! sphere, the ratio to those energies as a linear function of the light's direction, for clear and for dark
-//! fibers. The mean of the ratio over the cell, as a function of the viewer's direction, is subtracted, so that
-//! the light of the whole cell stays that of `inter_yarn.rs`.
+//! fibers. The mean of the ratio over the cell, as a function of the viewer's direction, is subtracted, so
+//! that the light of the whole cell stays that of `inter_yarn.rs`.
 
 use crate::cloth::geometry::lines::LineHit;
 use crate::cloth::light::absorption::{LENGTH_UM, SIGMA_PER_UM};

@@ -106,7 +106,8 @@ fn sums(inter_yarn: &InterYarn, paths: &[&Followed], seed: usize) -> SumsOfCell 
     sums
 }
 
-/// Ratio of found to expected light of a map, with a prior; `weight` is the mean energy of a path that leaves.
+/// Ratio of found to expected light of a map, with a prior; `weight` is the mean energy of a path that
+/// leaves.
 fn ratio(map: usize, sums: &Sums, prior: Vector4<f64>, weight: f64) -> Vector4<f64> {
     let per = Matrix4::from_diagonal(&Vector4::from(VARIANCES[map].map(|variance| weight / variance)));
     let normal = sums.expected + per;
@@ -236,7 +237,8 @@ mod tests {
         let tables = inter_yarn.places.map.len();
         let sigma = MAP_NODES.map(|node| SIGMA_PER_UM[node]);
         let mut rng = SplitMix64(0x6c69_7421);
-        // `[group][side of the light, map]`: light found, of the mean over places, of the map; squares of the first.
+        // `[group][side of the light, map]`: light found, of the mean over places, of the map; squares of the
+        // first.
         let mut sums = vec![[[0.0f64; 4]; 2 * MAPS]; GROUPS];
         for k in 0..400_000 {
             let (z, turn) = ((rng.next_f64() as f32).sqrt().max(0.02), TAU * rng.next_f64() as f32);

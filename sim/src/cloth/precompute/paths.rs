@@ -103,9 +103,9 @@ impl Escaped {
     ///
     /// Returns `(t, s)`, both over the ply's radius R: the new line passes the axis at the offset `-t` along
     /// `d cross z`, and is nearest to it at `s` along the curve. Returns `None` if no direction is accepted.
-    /// `first` is the class, the shadows and the angle of incidence about the axis of a first ply, whose occluded and scattered energies are then
-    /// sampled; a path that is not followed ends there. `passes` is the transmittance of the layer of hairs
-    /// in a direction.
+    /// `first` is the class, the shadows and the angle of incidence about the axis of a first ply, whose
+    /// occluded and scattered energies are then sampled; a path that is not followed ends there.
+    /// `passes` is the transmittance of the layer of hairs in a direction.
     pub(super) fn scatter(
         &mut self,
         scattered: &Scattered<'_>,
