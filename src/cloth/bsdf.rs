@@ -320,29 +320,51 @@ impl<const N: usize> ClothBsdf<'_, N> {
     #[inline]
     fn near(&self, b: [f32; 3], known: Option<(usize, LobeLight<N>)>) -> ([f32; N], f32) {
         let (mut f, mut pdf) = ([0.0; N], self.inter_yarn_pdf(b));
+        self.plies_and_hairs(b, known, &mut f, &mut pdf);
+        let inter_yarn = self.inter_yarn.eval(b);
+        (0..N).for_each(|k| f[k] += inter_yarn[k]);
+        self.passing(b, &mut f, &mut pdf);
+        (f, pdf)
+    }
+
+    /// Adds f and density of the plies, as far as hairs let it pass, and of the hairs.
+    #[inline]
+    fn plies_and_hairs(&self, b: [f32; 3], known: Option<(usize, LobeLight<N>)>, f: &mut [f32; N], pdf: &mut f32) {
         if let Some(ply) = &self.main {
             match &known {
-                Some((0, light)) => ply.add(b, to_ply(&ply.frame, b), light, &mut f, &mut pdf),
-                _ => ply.eval_pdf(&self.prepared, b, &mut f, &mut pdf),
+                Some((0, light)) => ply.add(b, to_ply(&ply.frame, b), light, f, pdf),
+                _ => ply.eval_pdf(&self.prepared, b, f, pdf),
             }
         }
         for (i, ply) in self.others.iter().enumerate() {
             let Some(ply) = ply else { continue };
             match &known {
-                Some((known, light)) if *known == i + 1 => ply.add(b, to_ply(&ply.frame, b), light, &mut f, &mut pdf),
-                _ => ply.eval_pdf(&Prepared::NOTHING, b, &mut f, &mut pdf),
+                Some((known, light)) if *known == i + 1 => ply.add(b, to_ply(&ply.frame, b), light, f, pdf),
+                _ => ply.eval_pdf(&Prepared::NOTHING, b, f, pdf),
             }
         }
         if let Some(hairs) = &self.hairs {
             let free = hairs.free(b);
             f.iter_mut().for_each(|f| *f *= free);
-            hairs.add(b, &mut f);
-            pdf += hairs.pdf(b);
+            hairs.add(b, f);
+            *pdf += hairs.pdf(b);
         }
-        let inter_yarn = self.inter_yarn.eval(b);
-        (0..N).for_each(|k| f[k] += inter_yarn[k]);
-        self.passing(b, &mut f, &mut pdf);
-        (f, pdf)
+    }
+
+    /// The parts of f in direction `b` of the pattern, without the mean over the cell: light of plies and
+    /// hairs that leaves straight, and inter-yarn scattering. Diffracted light is in neither.
+    #[doc(hidden)]
+    pub fn parts(&self, b: [f32; 3]) -> [[f32; N]; 2] {
+        let (mut f, mut pdf) = ([0.0; N], 0.0);
+        self.plies_and_hairs(b, None, &mut f, &mut pdf);
+        [f, self.inter_yarn.eval(b)]
+    }
+
+    /// Energy of inter-yarn scattering that leaves up and down with the shapes that
+    /// [`Side::shape`](crate::cloth::light::Side::shape) holds.
+    #[doc(hidden)]
+    pub fn shaped_energy(&self) -> [[f32; N]; 2] {
+        self.inter_yarn.shaped_energy()
     }
 
     /// Samples a direction of the pattern; returns it with the light of the ply that gave it.

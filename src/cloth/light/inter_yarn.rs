@@ -59,8 +59,8 @@ pub struct Side {
     pub parallel: Vec<[Few; SIGMAS]>,
     /// `[kind][leaves up, down]`: cones of the light in `parallel`.
     pub cones: [[Cone; 2]; 2],
-    /// `[leaves up, down][pair]`: the mean energy over classes, divided by the integral of its
-    /// cosine-weighted values.
+    /// `[leaves up, down][pair]`: how the energy that cones do not distribute leaves; of integral 1 when
+    /// weighted by the cosine. It is close to the mean of that energy over classes, by reciprocity.
     pub shape: Vec<Poly>,
 }
 
@@ -416,6 +416,13 @@ impl<'a, const N: usize> InterYarnAt<'a, N> {
     #[inline]
     fn is_up(&self, b: [f32; 3]) -> bool {
         b[2] * self.up_sign >= 0.0
+    }
+
+    /// `[leaves up, down]`: the energy that the shapes distribute; cones distribute the rest.
+    pub(crate) fn shaped_energy(&self) -> [[f32; N]; 2] {
+        let [first, second] = &self.parallel;
+        let of = |half: usize| std::array::from_fn(|k| self.mean[half][k] - first[half][k] - second[half][k]);
+        [of(0), of(1)]
     }
 
     /// f in direction `b` [1/sr].

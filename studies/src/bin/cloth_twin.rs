@@ -45,8 +45,6 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let cloth = ClothModel::from_data(data, &options)?;
     told("ready");
     println!("{} KiB", cloth.memory_bytes() >> 10);
-    energy(&cloth);
-    told("energies");
     speed(&cloth);
     told("speed");
     if let Ok(twin) = ClothTwin::load(twin) {
@@ -96,48 +94,6 @@ fn beside(a: &ClothTwin, b: &ClothTwin) {
         }
         let [upper, lower] = halves.map(|[off, all]| (off.max(0.0) / all).sqrt());
         println!("{}: L2 {upper:.3} {lower:.3}", named(a, view, sigma));
-    }
-}
-
-/// Energy of clear fibers by light: of even light that comes from one direction, what leaves in all; and by
-/// view.
-fn energy(cloth: &ClothModel) {
-    const PLACES: usize = 512;
-    const DIRECTIONS: usize = 512;
-    for z in [1.0f32, 0.7, 0.4, 0.2, 0.1, 0.05] {
-        let (mut by_view, mut by_light, mut r) = (0.0f64, 0.0f64, 0.0f64);
-        for k in 0..PLACES {
-            let even = |step: f64| (0.5 + k as f64 * step).fract() as f32;
-            let at = [9e3 * even(0.754_877_666), 9e3 * even(0.569_840_291)];
-            let (sin, cos) = (TAU * even(0.618_034)).sin_cos();
-            let across = (1.0 - z * z).sqrt();
-            let w = [across * cos, across * sin, z];
-            let query = ClothQuery { sigma_per_um: [Some([0.0]); 2], ..ClothQuery::new(at, w, [0.55]) };
-            let bsdf = cloth.at(&query);
-            by_view += f64::from(bsdf.straight()[0]);
-            by_light += f64::from(bsdf.straight()[0]);
-            for i in 0..DIRECTIONS {
-                let even = |step: f64| (0.25 + (i + 31 * k) as f64 * step).fract() as f32;
-                let u = 2.0 * even(0.754_877_666) - 1.0;
-                let (sin, cos) = (TAU * even(0.569_840_291)).sin_cos();
-                let across = (1.0 - u * u).sqrt();
-                let b = [across * cos, across * sin, u];
-                let weight = f64::from(2.0 * TAU / DIRECTIONS as f32);
-                let f = f64::from(bsdf.eval(b)[0]) * weight;
-                by_view += f;
-                if u > 0.0 {
-                    r += f;
-                }
-                // Light from w, viewer at b: f(b -> w) with the cosine at w, over it, times that at b.
-                let query = ClothQuery { sigma_per_um: [Some([0.0]); 2], ..ClothQuery::new(at, b, [0.55]) };
-                if i % 8 == 0 {
-                    let f = f64::from(cloth.at(&query).eval(w)[0]);
-                    by_light += 8.0 * f * weight * f64::from(u.abs() / z);
-                }
-            }
-        }
-        let per = 1.0 / PLACES as f64;
-        println!("cosine {z}: energy by view {:.4}, by light {:.4}, R {:.4}", by_view * per, by_light * per, r * per);
     }
 }
 

@@ -7,7 +7,7 @@
 
 use super::cones::{Parallel, cones};
 use super::follow::ClothPaths;
-use super::lit_places::{Followed, lit_places};
+use super::lit_places::Followed;
 use super::paths::Escaped;
 use super::regression::RegressionSums;
 use super::splines;
@@ -16,7 +16,7 @@ use crate::error::SimError;
 use plywave::cloth::light::{
     CLASSES, CLASSES_A_KIND, FEW, InterYarn, LitPlaces, PAIRS, Poly, SIGMAS, Side, TERMS, dot, few, terms,
 };
-use plywave::cloth::shade::{SHADOW_BYTES, SplinesAt};
+use plywave::cloth::shade::SplinesAt;
 use plywave::math::hash::SplitMix64;
 use std::f32::consts::PI;
 
@@ -90,7 +90,7 @@ impl Found {
                 let path = paths.path(a, at, is_followed, &mut number);
                 found.parallel.add_beam(side, &t, path.as_ref());
                 if let Some(path) = path {
-                    found.add(side, a, &t, &path);
+                    found.add(side, a, &t, &path, paths.plies.kinds == 2);
                     if is_followed {
                         found.followed.extend(Followed::new(a, &path));
                     }
@@ -103,7 +103,7 @@ impl Found {
         found
     }
 
-    fn add(&mut self, side: usize, a: [f32; 3], t: &Poly, path: &Escaped) {
+    fn add(&mut self, side: usize, a: [f32; 3], t: &Poly, path: &Escaped, has_cones: bool) {
         if path.orders == 0 {
             return;
         }
@@ -124,12 +124,16 @@ impl Found {
         of_cause.add_sample(&few);
         let first = PAIRS * usize::from(!path.up);
         let own = path.class / CLASSES_A_KIND;
+        // Cones distribute what only yarns of one kind have scattered.
+        let is_about_cone = has_cones && path.kinds == 1 << own;
         for i in 0..SIGMAS {
             for j in 0..SIGMAS {
                 let energy = path.weight[0][i] * path.weight[1][j];
                 let pair = first + SIGMAS * i + j;
                 of_cause.add(pair, (energy / path.first[[i, j][own]].max(1e-30)).min(MAX_PER_FIRST), &few);
-                self.mean[side].add(pair, energy, t);
+                if !is_about_cone {
+                    self.mean[side].add(pair, energy, t);
+                }
             }
         }
     }
@@ -145,12 +149,13 @@ impl Found {
     }
 }
 
-/// Estimates the inter-yarn scattering of a cloth.
+/// Estimates the inter-yarn scattering of a cloth, evenly over its places, and returns the paths that were
+/// followed.
 pub(super) fn inter_yarn(
     paths: &ClothPaths<'_>,
     effort: Effort,
     progress: Progress<'_>,
-) -> Result<InterYarn, SimError> {
+) -> Result<(InterYarn, Vec<Followed>), SimError> {
     let beams = if effort == Effort::Draft { DRAFT_BEAMS } else { BEAMS };
     let found = parts("light between plies", CHUNKS, progress, |chunk| Found::new(paths, beams, chunk))?;
     let mut all = Found::none();
@@ -167,11 +172,7 @@ pub(super) fn inter_yarn(
             let from = if half == 0 { side } else { 1 - side };
             let poly = means[from][half * PAIRS + pair];
             let all = dot(&poly, &integrals);
-            if all > 1e-6 {
-                not_negative(poly.map(|v| v / all))
-            } else {
-                std::array::from_fn(|i| if i == 0 { 1.0 / PI } else { 0.0 })
-            }
+            if all > 1e-6 { not_negative(poly.map(|v| v / all), &EVEN) } else { EVEN }
         };
         Side {
             caught: caught[side].iter().flat_map(|sums| splines::several(&sums.solve())).collect(),
@@ -181,31 +182,36 @@ pub(super) fn inter_yarn(
             shape: (0..2 * PAIRS).map(|at| shape(at / PAIRS, at % PAIRS)).collect(),
         }
     };
-    let mut inter_yarn = InterYarn::new([side(0), side(1)], LitPlaces::default()).along(paths.plies.runs);
-    let tables = paths.shadows.free().len() / SHADOW_BYTES;
-    let places = lit_places(&inter_yarn, &followed, tables, progress)?;
-    inter_yarn.places = places;
-    Ok(inter_yarn)
+    let even = InterYarn::new([side(0), side(1)], LitPlaces::default()).along(paths.plies.runs);
+    Ok((even, followed))
 }
 
-/// Mixes a polynomial of integral 1 with the constant one until it is nonnegative in every direction:
+/// The constant polynomial of integral 1.
+pub(super) const EVEN: Poly = {
+    let mut even = [0.0; TERMS];
+    even[0] = 1.0 / PI;
+    even
+};
+
+/// Mixes a polynomial of integral 1 with a nonnegative `other` until it is nonnegative in every direction:
 /// shading clamps negative values to 0, which would add energy.
-fn not_negative(poly: Poly) -> Poly {
+pub(super) fn not_negative(poly: Poly, other: &Poly) -> Poly {
     const ROWS: usize = 24;
     const COLUMNS: usize = 48;
-    let value = |i: usize| {
+    let share = |i: usize| {
         let z = (i / COLUMNS) as f32 / (ROWS - 1) as f32;
         let (sin, cos) = (2.0 * PI * (i % COLUMNS) as f32 / COLUMNS as f32).sin_cos();
         let across = (1.0 - z * z).sqrt();
-        dot(&poly, &terms([across * cos, across * sin, z]))
+        let t = terms([across * cos, across * sin, z]);
+        let [value, other] = [&poly, other].map(|of| dot(of, &t));
+        if value < 0.0 { value / (value - other.max(0.0)) } else { 0.0 }
     };
-    let min = (0..ROWS * COLUMNS).map(value).fold(0.0, f32::min);
-    let share = min / (min - 1.0 / PI);
-    std::array::from_fn(|i| (1.0 - share) * poly[i] + if i == 0 { share / PI } else { 0.0 })
+    let share = (0..ROWS * COLUMNS).map(share).fold(0.0, f32::max);
+    std::array::from_fn(|i| (1.0 - share) * poly[i] + share * other[i])
 }
 
 /// Cosine-weighted integrals of the terms over the hemisphere.
-fn integrals() -> Poly {
+pub(super) fn integrals() -> Poly {
     let mut sums = [0.0; TERMS];
     sums[0] = PI;
     sums[1] = 2.0 * PI / 3.0;

@@ -2,10 +2,13 @@
 //!
 //! Lines through the cloth give the table of shadows (`shadows`) and the layer of hairs (`hairs`). Paths from
 //! ply to ply (`paths`, `follow`) give inter-yarn scattering, as regressions over the incident direction
-//! (`inter_yarn`, `splines`, `regression`) and as cones (`cones`). The shaded cloth itself then gives its
-//! brightness over absorption (`brightness`) and its mean over the cell for distant cameras (`far_views`).
+//! (`inter_yarn`, `splines`, `regression`) and as cones (`cones`). The shaded cloth itself then corrects the
+//! energy by the direction of the light (`by_light`); the same paths tell where the light leaves
+//! (`lit_places`). The shaded cloth gives its brightness over absorption (`brightness`) and its mean over the
+//! cell for distant cameras (`far_views`).
 
 mod brightness;
+mod by_light;
 mod cones;
 mod drift;
 mod far_views;
@@ -22,6 +25,7 @@ use crate::error::SimError;
 use far_views::{far_data, far_view, view_count};
 use plywave::cloth::Brightness;
 use plywave::cloth::geometry::ClothPlies;
+use plywave::cloth::shade::SHADOW_BYTES;
 use plywave::cloth::{ClothCurves, ClothData, ClothModel, ClothOptions, GapLight};
 use plywave::{Error, PlyModel};
 use plywave_textile::ClothSpec;
@@ -76,7 +80,9 @@ pub fn precompute(
     let hairs = hairs::hair_layer(spec, curves, &plies, progress)?;
     let drifts: Vec<_> = models.iter().map(|model| drift::Drift::new(model)).collect();
     let paths = follow::ClothPaths { plies: &plies, shadows: &shadows, hairs: hairs.as_ref(), drifts: &drifts };
-    let inter_yarn = inter_yarn::inter_yarn(&paths, effort, progress)?;
+    let (inter_yarn, followed) = inter_yarn::inter_yarn(&paths, effort, progress)?;
+    let tables = shadows.free().len() / SHADOW_BYTES;
+    let runs = plies.runs;
     let mut data = ClothData {
         spec_text: spec_text.into(),
         name: spec.name.clone(),
@@ -92,6 +98,8 @@ pub fn precompute(
         far: None,
     };
     let shaded = |data: &ClothData, options: &ClothOptions| ClothModel::from_data(data.clone(), options);
+    data.inter_yarn = by_light::by_light(&data, effort, progress)?.along(runs);
+    data.inter_yarn.places = lit_places::lit_places(&data.inter_yarn, &followed, tables, progress)?;
     let of_rays = shaded(&data, &ClothOptions::RAYS)?;
     data.brightness = parts("brightness", 1, progress, |_| brightness::brightness(&of_rays))?.remove(0);
     if effort == Effort::Full {
