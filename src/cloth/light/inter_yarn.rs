@@ -94,14 +94,8 @@ pub fn class_of_hairs(kind: usize, is_behind: bool) -> usize {
 impl InterYarn {
     /// Builds the tables from both sides, with the warp along y, and the map over places.
     pub fn new(sides: [Side; 2], places: LitPlaces) -> InterYarn {
-        let means = sides.iter().enumerate().flat_map(|(side, of)| {
-            of.shape.iter().enumerate().map(move |(at, shape)| {
-                // The side of the cloth on which the light leaves.
-                let up = (at < PAIRS) == (side == 0);
-                means_of_shape(shape, if up { 1.0 } else { -1.0 })
-            })
-        });
-        InterYarn { means: means.collect(), sides, places, runs: [Runs::AlongY, Runs::AlongX] }
+        let means = sides.iter().flat_map(|side| side.shape.iter().map(means_of_shape)).collect();
+        InterYarn { means, sides, places, runs: [Runs::AlongY, Runs::AlongX] }
     }
 
     /// The same tables for yarns that run along other axes.
@@ -155,9 +149,8 @@ impl InterYarn {
     }
 }
 
-/// Means of the functions of a direction over a distribution of integral 1 on one half of the sphere, where z
-/// has this sign.
-fn means_of_shape(shape: &Poly, sign: f32) -> [f32; FUNCTIONS] {
+/// Means of the functions of a direction over a distribution on one half of the sphere.
+fn means_of_shape(shape: &Poly) -> [f32; FUNCTIONS] {
     const ROWS: usize = 16;
     const COLUMNS: usize = 16;
     let mut means = [0.0; FUNCTIONS];
@@ -166,7 +159,7 @@ fn means_of_shape(shape: &Poly, sign: f32) -> [f32; FUNCTIONS] {
         let z = (((i / COLUMNS) as f32 + 0.5) / ROWS as f32).sqrt();
         let (sin, cos) = (TAU * (i % COLUMNS) as f32 / COLUMNS as f32).sin_cos();
         let across = (1.0 - z * z).sqrt();
-        let b = [across * cos, across * sin, sign * z];
+        let b = [across * cos, across * sin, z];
         let weight = PI / (ROWS * COLUMNS) as f32 * dot(shape, &terms(b));
         means.iter_mut().zip(functions(b)).for_each(|(mean, value)| *mean += weight * value);
     }
@@ -366,27 +359,24 @@ impl<'a, const N: usize> InterYarnAt<'a, N> {
         // `[k]`: energy that leaves, of the mean over places, and by the ratio of clear fibers.
         let mut leaves = [[0.0; 2]; N];
         for half in 0..2 {
+            let of_cones = [0, 1].map(|kind| {
+                let means = self.cones[kind][half].as_ref().map(|(cone, _)| cone.means());
+                means.map_or([1.0; MAPS], |t| self.ratios(half, &t))
+            });
             for k in 0..N {
                 let mut at_shape = [0.0; FUNCTIONS];
                 for (pair, share) in &self.corners[k] {
                     let of = &means[half][usize::from(*pair) % PAIRS];
                     (0..FUNCTIONS).for_each(|i| at_shape[i] += share * of[i]);
                 }
-                let mut rest = self.mean[half][k];
-                let mut here = 0.0;
-                for kind in 0..2 {
-                    if let Some((cone, _)) = &self.cones[kind][half] {
-                        let own = self.parallel[kind][half][k];
-                        let [clear, ratio] = self.factors(half, k, &cone.means());
-                        here += own * ratio;
-                        leaves[k][1] += own * clear;
-                        rest -= own;
-                    }
+                let [first, second] = [0, 1].map(|kind| self.parallel[kind][half][k]);
+                let shaped = (self.mean[half][k] - first - second, self.ratios(half, &at_shape));
+                self.energy[half][k] = 0.0;
+                for (energy, ratios) in [(first, of_cones[0]), (second, of_cones[1]), shaped] {
+                    self.energy[half][k] += energy * self.ratio(k, ratios);
+                    leaves[k][1] += energy * max(ratios[0], 0.0);
                 }
-                let [clear, ratio] = self.factors(half, k, &at_shape);
-                self.energy[half][k] = here + rest * ratio;
                 leaves[k][0] += self.mean[half][k];
-                leaves[k][1] += rest * clear;
             }
             // Samples lean as the mean over wavelengths does.
             let clear = self.clear.iter().sum::<f32>() / N.max(1) as f32;
@@ -404,12 +394,16 @@ impl<'a, const N: usize> InterYarnAt<'a, N> {
         }
     }
 
-    /// Ratios to the mean over places at values of the functions of the light's direction: of clear fibers,
-    /// and at one wavelength.
+    /// `[map]`: ratios to the mean over places at values of the functions of the light's direction.
     #[inline(always)]
-    fn factors(&self, half: usize, k: usize, t: &[f32; FUNCTIONS]) -> [f32; 2] {
-        let [clear, dark] = [0, 1].map(|map| dot(&self.deviations[half][map], t));
-        [max(1.0 + clear, 0.0), max(1.0 + dark + self.clear[k] * (clear - dark), 0.0)]
+    fn ratios(&self, half: usize, t: &[f32; FUNCTIONS]) -> [f32; MAPS] {
+        [0, 1].map(|map| 1.0 + dot(&self.deviations[half][map], t))
+    }
+
+    /// Ratio to the mean over places at one wavelength.
+    #[inline(always)]
+    fn ratio(&self, k: usize, [clear, dark]: [f32; MAPS]) -> f32 {
+        max(dark + self.clear[k] * (clear - dark), 0.0)
     }
 
     /// Whether a direction lies in the half space of incidence.
@@ -440,8 +434,8 @@ impl<'a, const N: usize> InterYarnAt<'a, N> {
                 (0..N).for_each(|k| f[k] += self.parallel[kind][half][k] * of);
             }
         }
-        let t = functions(b);
-        (0..N).for_each(|k| f[k] *= self.factors(half, k, &t)[1]);
+        let ratios = self.ratios(half, &functions(b));
+        (0..N).for_each(|k| f[k] *= self.ratio(k, ratios));
         f
     }
 
