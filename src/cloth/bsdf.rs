@@ -14,6 +14,7 @@ use crate::cloth::light::far::FarAt;
 use crate::cloth::light::far_grid::Seen;
 use crate::cloth::light::hair_layer::HairsAt;
 use crate::cloth::light::inter_yarn::{CLASSES_A_KIND, InterYarnAt, PLY_CLASSES};
+use crate::cloth::light::lit_places::Ratios;
 use crate::cloth::shade::shadow_table::Toward;
 use crate::cloth::shade::shadows::ClothShade;
 use crate::frame::is_direction;
@@ -358,6 +359,14 @@ impl<const N: usize> ClothBsdf<'_, N> {
         let (mut f, mut pdf) = ([0.0; N], 0.0);
         self.plies_and_hairs(b, None, &mut f, &mut pdf);
         [f, self.inter_yarn.eval(b)]
+    }
+
+    /// Of inter-yarn scattering that leaves up and down: its mean energy over places, and the deviations from
+    /// that mean at this place; and the share of the intercepted light that the plies of these deviations
+    /// intercept.
+    #[doc(hidden)]
+    pub fn inter_yarn_at_place(&self) -> ([[f32; N]; 2], Ratios, f32) {
+        self.inter_yarn.at_place()
     }
 
     /// Energy of inter-yarn scattering that leaves up and down with the shapes that

@@ -383,8 +383,8 @@ impl ClothModel {
         if count > 0 {
             at.inter_yarn = self.inter_yarn.at(wo, &firsts[..count], sigma_per_um, self.sent_factors());
             if is_uneven {
-                let deviations = ratios.deviations(&self.inter_yarn.places.mean_at(wo), 1.0 - at.passing);
-                at.inter_yarn.set_place(&self.inter_yarn, &deviations, sigma_per_um[first]);
+                let (of, share) = ratios.deviations(&self.inter_yarn.places.mean_at(wo), 1.0 - at.passing);
+                at.inter_yarn.set_place(&self.inter_yarn, (&of, share), sigma_per_um[first]);
             }
         }
         at.passes = match (&at.main, &self.gaps) {

@@ -124,7 +124,7 @@ fn weights<const N: usize>(cloth: &ClothModel, sigma_per_um: Option<[f32; N]>, l
 /// variance over the square of the mean of clear, light and dyed yarns, are measured values, rounded up.
 #[test]
 fn weights_of_samples_are_small() {
-    let limits = [(2.5, [0.18, 0.24, 0.21]), (3.2, [0.18, 0.22, 0.22])];
+    let limits = [(2.5, [0.18, 0.24, 0.21]), (3.3, [0.18, 0.22, 0.22])];
     for ((name, data), (largest, variance)) in both().into_iter().zip(limits) {
         let cloth = cloth(data, &ClothOptions::RAYS);
         let found = [

@@ -295,6 +295,8 @@ pub struct InterYarnAt<'a, const N: usize> {
     mean: [[f32; N]; 2],
     /// `[leaves up, down][map]`: deviations from the mean over places, by function of the light's direction.
     deviations: Ratios,
+    /// Share of the intercepted light that the plies of the deviations intercept.
+    share: f32,
     /// Shares of the map of clear fibers.
     clear: [f32; N],
     /// `[leaves up, down]`: x and y of the density of samples, `cos / pi (1 + x b_x + y b_y)`.
@@ -321,6 +323,7 @@ impl<'a, const N: usize> InterYarnAt<'a, N> {
             energy: [[0.0; N]; 2],
             mean: [[0.0; N]; 2],
             deviations: [[[0.0; FUNCTIONS]; MAPS]; 2],
+            share: 0.0,
             clear: [0.0; N],
             lean: [[0.0; 2]; 2],
             parallel: [[[0.0; N]; 2]; 2],
@@ -348,10 +351,17 @@ impl<'a, const N: usize> InterYarnAt<'a, N> {
         }
     }
 
+    /// The mean energy over places, the deviations from it and their share.
+    pub(crate) fn at_place(&self) -> ([[f32; N]; 2], Ratios, f32) {
+        (self.mean, self.deviations, self.share)
+    }
+
     /// Moves the light to the place at which the viewer sees it: `deviations` are those of the plies there,
-    /// for light from the sides of the face and of the back.
+    /// for light from the sides of the face and of the back, and `share` is the part of the intercepted light
+    /// that these plies intercept.
     #[inline]
-    pub fn set_place(&mut self, of: &InterYarn, deviations: &Ratios, sigma_per_um: [f32; N]) {
+    pub fn set_place(&mut self, of: &InterYarn, (deviations, share): (&Ratios, f32), sigma_per_um: [f32; N]) {
+        self.share = share;
         let side = usize::from(self.up_sign < 0.0);
         self.deviations = [deviations[side], deviations[1 - side]];
         self.clear = sigma_per_um.map(clear_map_share);

@@ -125,15 +125,16 @@ impl RatiosOfPlies {
         self.weight += weight;
     }
 
-    /// Deviations from the mean over the cell; `all` is the light that plies and hairs intercept.
+    /// Deviations from the mean over the cell, and these plies' share of `all` light that plies and hairs
+    /// intercept.
     #[inline]
-    pub(crate) fn deviations(&self, mean: &Ratios, all: f32) -> Ratios {
+    pub(crate) fn deviations(&self, mean: &Ratios, all: f32) -> (Ratios, f32) {
         let per = 1.0 / all.max(self.weight).max(f32::MIN_POSITIVE);
         let mut of = self.sum;
         let values = of.as_flattened_mut().as_flattened_mut();
         for (value, mean) in values.iter_mut().zip(mean.as_flattened().as_flattened()) {
             *value = per * (*value - self.weight * mean);
         }
-        of
+        (of, per * self.weight)
     }
 }

@@ -3,18 +3,21 @@
 //! For the paths whose first ply they hit at one place and angle, the light that leaves is compared with the
 //! energies and shapes of [`InterYarn`]: the ratio of the two is a regression on the functions of the light's
 //! direction, with the ratio of all places as its prior. The mean of the ratio over the cell is a regression
-//! over the viewer's direction.
+//! over the directions of views of the shaded cloth.
 
 use super::paths::{Escaped, FirstPlace};
 use super::splines::{SplineSums, several};
-use super::{Progress, parts};
+use super::{Effort, Progress, parts};
 use crate::error::SimError;
 use nalgebra::{Matrix4, Vector4};
+use plywave::ClothQuery;
 use plywave::cloth::light::{
     ANGLES, FUNCTIONS, InterYarn, LitPlaces, MAP_NODES, MAPS, RATIOS, Ratios, SIGMA_PER_UM, functions,
 };
-use plywave::cloth::shade::{SeveralSplines, SplinesAt};
+use plywave::cloth::shade::{SHADOW_BYTES, SeveralSplines, SplinesAt};
+use plywave::cloth::{ClothData, ClothModel, ClothOptions};
 use plywave::math::half::{from_half, to_half};
+use plywave::math::hash::SplitMix64;
 use std::f32::consts::{PI, TAU};
 
 /// `[map]`: variances over places of the ratio's coefficients, the prior's; those that satin has.
@@ -25,8 +28,11 @@ const LIGHTS: usize = 6;
 const MIN_RATIO: f32 = 0.02;
 /// Number of parts of the paths, whose sums are joined in order.
 const PARTS: usize = 64;
-/// The same of the paths of one side, for the mean over the cell.
+/// Number of parts of the views of one side, for the mean over the cell.
 const HALF_PARTS: usize = 8;
+/// Number of views of each side, and for [`Effort::Draft`].
+const VIEWS: usize = 1 << 17;
+const DRAFT_VIEWS: usize = 1 << 13;
 
 /// A path that was followed, and the place of its first ply.
 pub(super) struct Followed {
@@ -125,13 +131,14 @@ fn not_negative(ratio: Vector4<f64>) -> [f32; FUNCTIONS] {
     [c, share * x, share * y, share * z].map(|v| from_half(to_half(v)))
 }
 
-/// The map over places of a cloth whose shadows have this number of tables.
+/// The map over places of a cloth, whose inter-yarn scattering is even.
 pub(super) fn lit_places(
-    inter_yarn: &InterYarn,
+    data: &ClothData,
     paths: &[Followed],
-    tables: usize,
+    effort: Effort,
     progress: Progress<'_>,
 ) -> Result<LitPlaces, SimError> {
+    let (inter_yarn, tables) = (&data.inter_yarn, data.shadows.free().len() / SHADOW_BYTES);
     let cells = tables * ANGLES;
     let mut sorted: Vec<&Followed> = paths.iter().collect();
     sorted.sort_by_key(|path| path.cell());
@@ -162,33 +169,49 @@ pub(super) fn lit_places(
         });
     }
     let places = LitPlaces { map, mean: Vec::new() };
-    let mean = means(inter_yarn, &places, paths, progress)?;
+    let mean = means(data, &places, effort, progress)?;
     Ok(LitPlaces { mean, ..places })
 }
 
-/// `[side of the viewer]`: mean of the map over the cell, in splines of the viewer's direction.
+/// `[side of the viewer]`: mean of the map over the cell, in splines of the viewer's direction. It is a mean
+/// over views of the shaded cloth, weighted by the energy of inter-yarn scattering, so that the map does not
+/// change the mean of that energy.
 fn means(
-    inter_yarn: &InterYarn,
+    data: &ClothData,
     places: &LitPlaces,
-    paths: &[Followed],
+    effort: Effort,
     progress: Progress<'_>,
 ) -> Result<Vec<SeveralSplines<RATIOS>>, SimError> {
-    let sigma = MAP_NODES.map(|node| SIGMA_PER_UM[node]);
+    let mut data = data.clone();
+    data.inter_yarn.places = places.clone();
+    let cloth = ClothModel::from_data(data, &ClothOptions::RAYS)?;
+    let ([a, b], sigma) = (cloth.cell_um(), MAP_NODES.map(|node| SIGMA_PER_UM[node]));
+    let views = if effort == Effort::Draft { DRAFT_VIEWS } else { VIEWS };
     let part = |i: usize| {
         // `[side of the light][map]`.
         let mut sums = [0, 1].map(|_| [0, 1].map(|_| SplineSums::<FUNCTIONS>::new()));
         let side = i / HALF_PARTS;
-        for path in paths.iter().skip(i % HALF_PARTS).step_by(HALF_PARTS) {
-            if side != usize::from(path.a[2] < 0.0) {
+        let mut rng = SplitMix64(0x6d65_616e + i as u64);
+        for k in (i % HALF_PARTS..views).step_by(HALF_PARTS) {
+            // Half of the directions are uniform over the hemisphere, half are cosine-weighted.
+            let even = |step: f64| (0.5 + k as f64 * step).fract();
+            let u = even(0.754_877_666_246_692_8);
+            let z = if k / HALF_PARTS % 2 == 0 { u.sqrt() } else { u }.max(2e-3);
+            let (sin, cos) = (std::f64::consts::TAU * even(0.569_840_290_998_053_3)).sin_cos();
+            let across = (1.0 - z * z).sqrt();
+            let wo = [(across * cos) as f32, (across * sin) as f32, if side == 0 { z } else { -z } as f32];
+            let [s, t] = [rng.next_f64(), rng.next_f64()];
+            let at = [0, 1].map(|i| (s * a[i] + t * b[i]) as f32);
+            let query = ClothQuery { sigma_per_um: [Some(sigma); 2], ..ClothQuery::new(at, wo, [0.55; MAPS]) };
+            let (energy, ratios, share) = cloth.at(&query).inter_yarn_at_place();
+            if share <= 0.0 {
                 continue;
             }
-            let expected = inter_yarn.at::<MAPS>(path.a, &[(path.class, path.at.energy)], [sigma; 2], [1.0; 2]);
-            let of = places.at(path.at.tables, path.at.angle);
-            let at = SplinesAt::new(path.a);
+            let splines = SplinesAt::new(wo);
             for light in 0..2 {
                 for map in 0..MAPS {
-                    let weight = expected.energy[side ^ light][map];
-                    sums[light][map].add_weighted(weight, &of[light][map], &at);
+                    let ratio = ratios[side ^ light][map].map(|v| v / share);
+                    sums[light][map].add_weighted(share * energy[side ^ light][map], &ratio, &splines);
                 }
             }
         }
@@ -209,12 +232,11 @@ fn means(
 #[cfg(test)]
 mod tests {
     use super::super::follow::ClothPaths;
-    use super::super::{Effort, precompute};
+    use super::super::precompute;
     use super::*;
     use crate::cloth::make_cloth;
     use plywave::PlyModel;
     use plywave::cloth::geometry::ClothPlies;
-    use plywave::math::hash::SplitMix64;
     use plywave_textile::ClothSpec;
     use std::sync::Arc;
 
@@ -253,7 +275,7 @@ mod tests {
             let mean = inter_yarn.places.mean_at(a);
             let less = |i: usize, map: usize| std::array::from_fn(|n| of[i][map][n] - mean[i][map][n]);
             let deviations = [0, 1].map(|i| [0, 1].map(|map| less(i, map)));
-            light.set_place(&inter_yarn, &deviations, sigma);
+            light.set_place(&inter_yarn, (&deviations, 1.0), sigma);
             let group = path.cell() % ANGLES + ANGLES * (4 * (path.cell() / ANGLES) / tables);
             let side = usize::from(a[2] < 0.0);
             for half in 0..2 {

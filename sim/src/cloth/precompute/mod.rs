@@ -25,7 +25,6 @@ use crate::error::SimError;
 use far_views::{far_data, far_view, view_count};
 use plywave::cloth::Brightness;
 use plywave::cloth::geometry::ClothPlies;
-use plywave::cloth::shade::SHADOW_BYTES;
 use plywave::cloth::{ClothCurves, ClothData, ClothModel, ClothOptions, GapLight};
 use plywave::{Error, PlyModel};
 use plywave_textile::ClothSpec;
@@ -81,7 +80,6 @@ pub fn precompute(
     let drifts: Vec<_> = models.iter().map(|model| drift::Drift::new(model)).collect();
     let paths = follow::ClothPaths { plies: &plies, shadows: &shadows, hairs: hairs.as_ref(), drifts: &drifts };
     let (inter_yarn, followed) = inter_yarn::inter_yarn(&paths, effort, progress)?;
-    let tables = shadows.free().len() / SHADOW_BYTES;
     let runs = plies.runs;
     let mut data = ClothData {
         spec_text: spec_text.into(),
@@ -99,7 +97,7 @@ pub fn precompute(
     };
     let shaded = |data: &ClothData, options: &ClothOptions| ClothModel::from_data(data.clone(), options);
     data.inter_yarn = by_light::by_light(&data, effort, progress)?.along(runs);
-    data.inter_yarn.places = lit_places::lit_places(&data.inter_yarn, &followed, tables, progress)?;
+    data.inter_yarn.places = lit_places::lit_places(&data, &followed, effort, progress)?;
     let of_rays = shaded(&data, &ClothOptions::RAYS)?;
     data.brightness = parts("brightness", 1, progress, |_| brightness::brightness(&of_rays))?.remove(0);
     if effort == Effort::Full {
