@@ -196,7 +196,7 @@ fn means(
             // Half of the directions are uniform over the hemisphere, half are cosine-weighted.
             let even = |step: f64| (0.5 + k as f64 * step).fract();
             let u = even(0.754_877_666_246_692_8);
-            let z = if k / HALF_PARTS % 2 == 0 { u.sqrt() } else { u }.max(2e-3);
+            let z = if (k / HALF_PARTS).is_multiple_of(2) { u.sqrt() } else { u }.max(2e-3);
             let (sin, cos) = (std::f64::consts::TAU * even(0.569_840_290_998_053_3)).sin_cos();
             let across = (1.0 - z * z).sqrt();
             let wo = [(across * cos) as f32, (across * sin) as f32, if side == 0 { z } else { -z } as f32];
