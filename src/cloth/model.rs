@@ -20,6 +20,7 @@ use crate::cloth::geometry::uneven::Uneven;
 use crate::cloth::light::far::{self, Far, FarAt, Mixed};
 use crate::cloth::light::far_grid::FarData;
 use crate::cloth::light::gaps::ClothGaps;
+use crate::cloth::light::hair_field::HairsHere;
 use crate::cloth::light::hair_layer::{HairLayer, HairsAt};
 use crate::cloth::light::inter_yarn::{CLASSES, CLASSES_A_KIND, InterYarn, PLY_CLASSES, class, class_of_hairs};
 use crate::cloth::light::lit_places::{RatiosOfPlies, angle_of};
@@ -278,7 +279,8 @@ impl ClothModel {
         if at.is_far(self.far_at(query, wo)) {
             return;
         }
-        let (at_um, cell) = self.in_cell(self.uneven.place(at_um));
+        let even_um = self.uneven.place(at_um);
+        let (at_um, cell) = self.in_cell(even_um);
         let d = wo.map(|v| -v);
         let mut hits = LineHits::default();
         let passes = |hit: &LineHit| {
@@ -294,8 +296,10 @@ impl ClothModel {
         let mut count = 0;
         let is_uneven = !self.inter_yarn.places.is_even();
         let mut ratios = RatiosOfPlies::default();
-        if let Some(layer) = self.hairs.as_deref() {
-            at.passing = layer.passes(wo);
+        let hairs = self.hairs.as_deref();
+        let hairs = hairs.map(|layer| (layer, Some(HairsHere::new(&layer.field, even_um, query.footprint_um))));
+        if let Some((layer, here)) = &hairs {
+            at.passing = 1.0 - layer.seen(usize::from(wo[2] < 0.0), wo, here.as_ref());
         }
         let first = hits.first().map_or(0, |hit| self.plies.kind_of[hit.curve as usize]);
         at.is_double = hits.iter().any(|h| self.plies.kind_of[h.curve as usize] != first);
@@ -370,8 +374,8 @@ impl ClothModel {
             }
         }
         // Hairs have the color of the yarn below them.
-        if let Some(layer) = self.hairs.as_deref() {
-            let hairs = at.hairs.insert(HairsAt::new(layer, wo, sigma_per_um, at.passing));
+        if let Some(hairs) = hairs {
+            let hairs = at.hairs.insert(HairsAt::new(hairs, wo, sigma_per_um, at.passing));
             at.passing *= hairs.passes_behind();
             for (kind, energies) in hairs.energies().into_iter().enumerate() {
                 for (is_behind, energy) in [false, true].into_iter().zip(energies) {
@@ -465,7 +469,7 @@ impl ClothModel {
         let hairs = self.hairs.as_deref().map(|layer| {
             let free = layer.passes(wo);
             firsts.iter_mut().for_each(|(_, energy)| *energy = energy.map(|e| free * e));
-            let hairs = HairsAt::new(layer, wo, sigma_per_um, free * passing);
+            let hairs = HairsAt::new((layer, None), wo, sigma_per_um, free * passing);
             passing *= free * hairs.passes_behind();
             for (kind, [before, behind]) in hairs.energies().into_iter().enumerate() {
                 firsts[class_of_hairs(kind, false)].1 = before;

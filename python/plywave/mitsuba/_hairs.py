@@ -8,6 +8,10 @@ import numpy as np
 from ._inter_yarn import SIGMAS, sigma_nodes
 from ._kit import clamp
 
+# src/cloth/light/hair_field.rs
+TEXELS, LAYERS = 1024, 4
+SHADOW, MIN_HEIGHT_COSINE = (0.371, 0.619), 0.2
+
 TAU = 2.0 * math.pi
 # src/cloth/light/hair_layer.rs
 MIN_COSINE = 1e-3
@@ -22,6 +26,10 @@ class Hairs:
         self.cosines, self.azimuths = area.shape[2], scatter.shape[3]
         self.kinds = [k for k in range(2) if area[:, k].any()]
         self.area, self.scatter = kit.floats(area), kit.floats(scatter)
+        field = [float(x) for x in tensors["hair_field"]]
+        self.cover, self.means = kit.words(tensors["hair_cover"]), kit.floats(field[: 2 * LAYERS])
+        self.per_um = [field[8:10], field[10:12]]
+        self.texel_um, self.heights = field[12], field[13:15]
         # Energies scattered to the viewer's side and to the other side, by kind and cosine of the viewer.
         sums = scatter.sum(3, dtype=np.float64) * (TAU / (self.cosines * self.azimuths))
         halves = [sums[:, :, self.cosines :].sum(2), sums[:, :, : self.cosines].sum(2)]
@@ -52,6 +60,68 @@ class Hairs:
         """Probability that light in direction ``b`` passes the hairs on the side on which it leaves."""
         return dr.exp(-sum(self.depth(self.side_of(b), b[2])))
 
+    def here(self, at_um, footprint_um):
+        """The hairs about a point of the even cloth, for a footprint (``HairsHere``)."""
+        detach = dr.detach if self.kit.jit else (lambda x: x)
+        place = [detach(row[0] * at_um[0] + row[1] * at_um[1]) for row in self.per_um]
+        size = clamp(self.kit.float(detach(footprint_um)) * (0.5 / self.texel_um), 1.0, TEXELS)
+        return {"place": place, "level": dr.log2(size)}
+
+    def covered(self, here, side, w, probability, is_shadow):
+        """Part of a line of direction ``w`` that hairs of a side intercept at a point; its mean is the probability."""
+        kit = self.kit
+        means = [kit.take(self.means, side * LAYERS + i) for i in range(LAYERS)]
+        above = sum(dr.select(mean < probability, kit.uint(1), kit.uint(0)) for mean in means)
+        low = high = kit.float(0.0)
+        for i in range(LAYERS + 1):
+            low = dr.select(above == i, means[i - 1] if i > 0 else 0.0, low)
+            high = dr.select(above == i, means[i] if i < LAYERS else 1.0, high)
+        share = dr.select(high > low, (probability - low) / dr.select(high > low, high - low, 1.0), 1.0)
+        cosine = dr.maximum(dr.abs(w[2]), MIN_HEIGHT_COSINE)
+        way = dr.select(side == 0, *self.heights) / dr.select(w[2] < 0.0, -cosine, cosine)
+        moved = [way * (row[0] * w[0] + row[1] * w[1]) for row in self.per_um]
+        place = [p + m + (shift if is_shadow else 0.0) for p, m, shift in zip(here["place"], moved, SHADOW)]
+        fine = dr.floor(here["level"])
+        level = kit.uint(fine)
+        values = [self.bilinear(side, place, dr.minimum(level + i, kit.uint(10)), above, share) for i in range(2)]
+        return values[0] + (here["level"] - fine) * (values[1] - values[0])
+
+    def bilinear(self, side, place, level, above, share):
+        kit = self.kit
+        size = kit.uint(TEXELS) >> level
+        squares = TEXELS * TEXELS - size * size
+        first = side * ((4 * TEXELS * TEXELS - 1) // 3) + (squares // 3) * 4
+        corners = []
+        for p in place:
+            at = (p - dr.floor(p)) * kit.float(size) - 0.5
+            whole, i = kit.floor(at)
+            mask = kit.int(size) - 1
+            corners.append((kit.uint(i & mask), kit.uint((i + 1) & mask), at - whole))
+        (x0, x1, s), (y0, y1, t) = corners
+
+        def value(x, y):
+            texel = kit.take_word(self.cover, first + y * size + x)
+            byte = lambda i: kit.float((texel >> (8 * dr.minimum(i, kit.uint(3)))) & 255)
+            low = dr.select(above == 0, 0.0, byte(dr.maximum(above, kit.uint(1)) - 1))
+            high = dr.select(above == LAYERS, 255.0, byte(above))
+            return low + share * (high - low)
+
+        rows = [value(x0, y) + s * (value(x1, y) - value(x0, y)) for y in (y0, y1)]
+        return (rows[0] + t * (rows[1] - rows[0])) * (1.0 / 255.0)
+
+    def seen(self, side, a, here):
+        """Part of the light to a viewer in direction ``a`` that hairs of a side intercept, at a point or in the mean."""
+        hits = 1.0 - dr.exp(-sum(self.depth(side, a[2])))
+        return hits if here is None else self.covered(here, side, a, hits, False)
+
+    def free(self, at, b):
+        """Part of the plies' light in direction ``b`` that passes the hairs there."""
+        if at["here"] is None:
+            return self.passes(b)
+        side = self.side_of(b)
+        hits = 1.0 - dr.exp(-sum(self.depth(side, b[2])))
+        return 1.0 - self.covered(at["here"], side, b, hits, True)
+
     def weights(self, sigma):
         """Weights of the absorption nodes, by channel."""
         all_ = []
@@ -66,9 +136,9 @@ class Hairs:
             out[k] = sum(v * w for v, w in zip(values, of))
         return out
 
-    def at(self, a, sigma, passing):
-        """The hairs seen from ``a``, with absorptions by kind; ``passing`` is the fraction of the beam that passes all
-        plies.
+    def at(self, a, sigma, passing, here=None):
+        """The hairs seen from ``a`` at a point or in the mean over the cell, with absorptions by kind; ``passing`` is the
+        fraction of the beam that passes all plies.
         """
         kit = self.kit
         viewer = self.side_of(a)
@@ -78,7 +148,9 @@ class Hairs:
         for behind, (side, arrives) in enumerate(((viewer, kit.float(1.0)), (1 - viewer, passing))):
             depth = self.depth(side, a[2])
             whole = sum(depth)
-            hit = arrives * (1.0 - dr.exp(-whole)) / dr.maximum(whole, 1e-30)
+            covered, hits = self.seen(side, a, here), 1.0 - dr.exp(-whole)
+            arrives = arrives * dr.select(hits > 0.0, covered / dr.maximum(hits, 1e-30), 0.0)
+            hit = arrives * hits / dr.maximum(whole, 1e-30)
             energies, sent = [], kit.zero_s()
             for k, own in zip(self.kinds, depth):
                 halves = []
@@ -87,9 +159,9 @@ class Hairs:
                     halves.append(self.spectrum([x + share * (y - x) for x, y in zip(low, high)], weights[k]))
                 energies.append(hit * own * (halves[0] + halves[1]))
                 sent = sent + hit * own * halves[behind]
-            sides.append({"side": side, "depth": depth, "arrives": arrives, "energy": energies})
+            sides.append({"side": side, "depth": depth, "arrives": arrives, "free": 1.0 - covered, "energy": energies})
             out.append(sent)
-        return {"a": a, "weights": weights, "sides": sides, "out": out, "passes_behind": dr.exp(-sum(sides[1]["depth"]))}
+        return {"a": a, "here": here, "weights": weights, "sides": sides, "out": out, "passes_behind": sides[1]["free"]}
 
     def with_energies(self, classes, at):
         """Energies by class, with those that hairs scatter added to the last two classes of each kind."""

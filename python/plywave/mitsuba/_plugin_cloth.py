@@ -326,7 +326,7 @@ def define(Calls):
             f, density = sums
             is_up = b[2] * at["up_sign"] >= 0.0
             if cloth.hairs is not None:
-                f = f * cloth.hairs.passes(b) + cloth.hairs.eval(at["hairs"], is_up, b)
+                f = f * cloth.hairs.free(at["hairs"], b) + cloth.hairs.eval(at["hairs"], is_up, b)
             f = f + cloth.inter_yarn_eval(at["about"], at["up"], at["down"], is_up, b)
             pdf = at["per_ply"] * density + cloth.inter_yarn_pdf(at["about"], at["chances"][2:4], is_up, b)
             if cloth.hairs is not None:

@@ -69,6 +69,7 @@ def walk(self, si, active):
         h, off = h_um * cloth.scale_of(kind), OFF * radius
         return cloth.passed_mean(cloth.model_of({"kind": kind}), theta_i, h - off, h + off)
 
+    place = None if cloth.hairs is None else cloth.hairs.here(cloth.uneven.place(self.place(si)), footprint)
     found, count = cloth.follow(start, d, active, passes)
     is_double = kit.bool(False)
     if self.slits is not None:
@@ -80,7 +81,7 @@ def walk(self, si, active):
     loop = {
         "i": kit.uint(0),
         "on": count > 0,
-        "passing": kit.float(1.0) if cloth.hairs is None else cloth.hairs.passes(wo),
+        "passing": kit.float(1.0) if cloth.hairs is None else 1.0 - cloth.hairs.seen(cloth.hairs.side_of(wo), wo, place),
         # Stored for each ply: its position, its class, the light that arrives, and the mean energy that it
         # scatters.
         "kept": {key: [kit.uint(0) if key in whole else zero] * KEPT for key in (*cloth.WHERE, "class", "arrives", "weight")},
@@ -162,7 +163,7 @@ def walk(self, si, active):
     hairs = None
     if cloth.hairs is not None:
         # Hairs have the color of the yarn below them.
-        hairs = cloth.hairs.at(wo, [dyes[0], dyes[-1]], s["passing"])
+        hairs = cloth.hairs.at(wo, [dyes[0], dyes[-1]], s["passing"], place)
         s = dict(s, classes=cloth.hairs.with_energies(s["classes"], hairs), passing=s["passing"] * hairs["passes_behind"])
     out = answer(self, si, own, wo, (s["classes"], [dyes[0], dyes[-1]]), s, s["plies"], spectra, hairs)
     return out | {

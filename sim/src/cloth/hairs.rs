@@ -155,6 +155,12 @@ impl<'a> HairRoots<'a> {
         self.yarns.iter().flatten().map(|roots| roots.mean).sum::<f64>() * area_um2 / self.lattice.area_um2()
     }
 
+    /// Smallest mean radius of the hairs of a kind of yarn [um].
+    pub fn mean_radius_um(&self) -> f64 {
+        let mean = |kind: &HairKind| kind.radii_um[0] + kind.second_share * (kind.radii_um[1] - kind.radii_um[0]);
+        self.kinds.iter().flatten().map(mean).fold(f64::MAX, f64::min)
+    }
+
     /// All pairs of a yarn and a cell whose hairs can have roots in a rectangle, given by its minimum and
     /// maximum corner [um]. The bounds are conservative: some of the pairs have no roots there.
     pub fn pieces(&self, [low, high]: [[f64; 2]; 2]) -> Vec<(usize, [i32; 2])> {

@@ -9,6 +9,7 @@ use crate::cloth::geometry::plies::Runs;
 use crate::cloth::light::absorption::SIGMAS;
 use crate::cloth::light::cones::{Cone, NORMS};
 use crate::cloth::light::far_grid::{COLUMNS, FarData, NODES, OPENING_NUMBERS, VIEWS};
+use crate::cloth::light::hair_field::{HAIR_TEXELS, HairField};
 use crate::cloth::light::hair_layer::{HAIR_AZIMUTHS, HAIR_COSINES, HairLayer};
 use crate::cloth::light::inter_yarn::{CLASSES, InterYarn, PAIRS, PLY_CLASSES, Side};
 use crate::cloth::light::lit_places::{ANGLES, FUNCTIONS, LitPlaces, MAPS, RATIOS, Ratios};
@@ -26,6 +27,8 @@ use std::sync::Arc;
 
 /// Largest number of kinds of yarns.
 const MAX_KINDS: usize = 2;
+/// Largest number of cells along a side of the tile of hairs.
+const MAX_CELLS: u32 = 1 << 20;
 const MODELS: [&str; MAX_KINDS] = ["model_0", "model_1"];
 
 /// The contents of a cloth file.
@@ -158,6 +161,8 @@ impl Document for ClothData {
             "inter_yarn_place_means",
             "hair_area",
             "hair_scatter",
+            "hair_tile",
+            "hair_cover",
             "albedo",
             "albedo_reflected",
             "albedo_folded",
@@ -236,6 +241,10 @@ impl Document for ClothData {
             let area = hairs.area.as_flattened().as_flattened().iter().copied();
             w.f32("hair_area", &[2, 2, HAIR_COSINES], area);
             w.f32("hair_scatter", &HAIR_SHAPE, hairs.scatter.as_flattened().iter().copied());
+            let field = &hairs.field;
+            let tile = field.cells.map(|cells| cells as f32).into_iter().chain(field.height_um);
+            w.f32("hair_tile", &[4], tile);
+            w.u8("hair_cover", &[2, HAIR_TEXELS, HAIR_TEXELS / 2], &field.shares());
         }
         w.f64("albedo", &[color_of::NODES], &self.brightness.even_sky);
         w.f64("albedo_reflected", &[color_of::NODES], &self.brightness.reflected);
@@ -309,7 +318,12 @@ impl Document for ClothData {
         let hairs = if r.has("hair_area") {
             let numbers = rows::<HAIR_COSINES>(r.f32("hair_area", &[2, 2, HAIR_COSINES])?);
             let area = [0, 1].map(|side| [0, 1].map(|kind| numbers[2 * side + kind]));
-            Some(HairLayer::new(area, rows::<SIGMAS>(r.f32("hair_scatter", &HAIR_SHAPE)?)))
+            let tile = r.f32("hair_tile", &[4])?;
+            let (cells, heights) =
+                ([tile[0] as u32, tile[1] as u32].map(|cells| cells.clamp(1, MAX_CELLS)), [tile[2], tile[3]]);
+            let cover = r.u8("hair_cover", &[2, HAIR_TEXELS, HAIR_TEXELS / 2])?;
+            let field = HairField::new(&curves.lattice(r.file())?, cells, heights, &cover);
+            Some(HairLayer::new(area, rows::<SIGMAS>(r.f32("hair_scatter", &HAIR_SHAPE)?), field))
         } else {
             None
         };
@@ -377,6 +391,7 @@ impl Document for ClothData {
         if let Some(hairs) = &self.hairs {
             c.range_f32("hair_area", hairs.area.as_flattened().as_flattened(), 0.0, 1e3)?;
             c.range_f32("hair_scatter", hairs.scatter.as_flattened(), 0.0, 1e3)?;
+            c.range_f32("hair_tile", &hairs.field.height_um, -1e5, 1e5)?;
         }
         c.range("albedo", &self.brightness.even_sky, 0.0, 1.0)?;
         c.range("albedo_reflected", &self.brightness.reflected, 0.0, 1.0)?;

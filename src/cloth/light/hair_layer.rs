@@ -10,9 +10,11 @@
 //! which, divided by the cosine, is symmetric where A p is. Light that passes all plies reaches the hairs of
 //! the other side, and `p(a, b) t_a (exp(-t_b) - exp(-t_a)) / (t_a - t_b)` of it leaves after one hair. Light
 //! that goes to the plies or hits another hair counts as intercepted and is part of inter-yarn scattering
-//! (`inter_yarn.rs`). The layer is uniform in azimuth and over the cloth.
+//! (`inter_yarn.rs`). The layer is uniform in azimuth. Over the cloth its hairs are strokes (`hair_field.rs`):
+//! at a point they intercept more or less than the mean, and scatter as much more or less.
 
 use crate::cloth::light::absorption::{SIGMAS, node_of};
+use crate::cloth::light::hair_field::{HairField, HairsHere};
 use crate::math::clamp_unit;
 use std::f32::consts::{PI, TAU};
 
@@ -35,6 +37,8 @@ pub struct HairLayer {
     pub scatter: Vec<[f32; SIGMAS]>,
     /// `[kind][view][to the viewer's side, total][absorption]`: integrals of the densities.
     energies: Vec<[[f32; SIGMAS]; 2]>,
+    /// Where the hairs lie.
+    pub field: HairField,
 }
 
 /// Interpolates at `x` between the centers of `parts` unit intervals: index of the center below, and weight
@@ -47,13 +51,13 @@ fn part(x: f32, parts: usize) -> (usize, f32) {
 }
 
 impl HairLayer {
-    /// Builds the layers from their areas and `2 HAIR_NODES` densities.
-    pub fn new(area: [[[f32; HAIR_COSINES]; 2]; 2], scatter: Vec<[f32; SIGMAS]>) -> HairLayer {
+    /// Builds the layers from their areas, `2 HAIR_NODES` densities, and the places of the hairs.
+    pub fn new(area: [[[f32; HAIR_COSINES]; 2]; 2], scatter: Vec<[f32; SIGMAS]>, field: HairField) -> HairLayer {
         let per_node = TAU / (HAIR_COSINES * HAIR_AZIMUTHS) as f32;
         let sum = |nodes: &[[f32; SIGMAS]]| std::array::from_fn(|k| per_node * nodes.iter().map(|p| p[k]).sum::<f32>());
         let half = HAIR_COSINES * HAIR_AZIMUTHS;
         let energies = scatter.chunks_exact(2 * half).map(|of| [sum(&of[half..]), sum(of)]).collect();
-        HairLayer { area, scatter, energies }
+        HairLayer { area, scatter, energies, field }
     }
 
     /// `[kind]`: mean number of hairs that a line with this cosine to the normal hits on a side; side 0 is
@@ -68,8 +72,22 @@ impl HairLayer {
     /// Probability that light in direction `b` passes the hairs of the side on which it leaves.
     #[inline]
     pub fn passes(&self, b: [f32; 3]) -> f32 {
-        let [first, second] = self.depth(usize::from(b[2] < 0.0), b[2]);
-        (-first - second).exp()
+        1.0 - self.hits(usize::from(b[2] < 0.0), b[2])
+    }
+
+    /// Probability that a line with this cosine to the normal hits a hair of a side.
+    #[inline]
+    fn hits(&self, side: usize, cosine: f32) -> f32 {
+        let [first, second] = self.depth(side, cosine);
+        -(-first - second).exp_m1()
+    }
+
+    /// Share of the light to a viewer in direction `a` that hairs of a side intercept, at a point or in the mean
+    /// over the cloth.
+    #[inline]
+    pub(crate) fn seen(&self, side: usize, a: [f32; 3], here: Option<&HairsHere<'_>>) -> f32 {
+        let hits = self.hits(side, a[2]);
+        here.map_or(hits, |here| here.seen(side, a, hits))
     }
 
     /// `[absorption]`: density [1/sr] of the light that a hair of a kind scatters, for a viewer at cosine
@@ -110,7 +128,7 @@ impl HairLayer {
     }
 
     pub(crate) fn memory_bytes(&self) -> usize {
-        size_of_val(self.scatter.as_slice()) + size_of_val(self.energies.as_slice())
+        size_of_val(self.scatter.as_slice()) + size_of_val(self.energies.as_slice()) + self.field.memory_bytes()
     }
 }
 
@@ -150,8 +168,10 @@ struct SideAt<const N: usize> {
     side: usize,
     /// `[kind]`: mean number of hairs that the beam hits.
     depth: [f32; 2],
-    /// Share of the beam that reaches the layer.
+    /// Share of the beam that reaches the layer, times what hairs intercept of it here over the mean.
     arrives: f32,
+    /// Share of the arriving light that hairs let pass here.
+    free: f32,
     /// `[kind][absorption]`: energy that the layer scatters; and, summed over kinds, the part that leaves on
     /// the layer's side of the cloth.
     energy: [[f32; N]; 2],
@@ -164,6 +184,7 @@ struct SideAt<const N: usize> {
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct HairsAt<'a, const N: usize> {
     layer: &'a HairLayer,
+    here: Option<HairsHere<'a>>,
     a: [f32; 3],
     /// `[kind][absorption]`: node of absorption and weight of the next.
     nodes: [[(usize, f32); N]; 2],
@@ -172,16 +193,24 @@ pub(crate) struct HairsAt<'a, const N: usize> {
 }
 
 impl<'a, const N: usize> HairsAt<'a, N> {
-    /// Prepares the layers for a viewer in direction `a`; `passing` is the share of the beam that passes all
-    /// plies.
-    pub(crate) fn new(layer: &'a HairLayer, a: [f32; 3], sigma_per_um: [[f32; N]; 2], passing: f32) -> Self {
+    /// Prepares the layers for a viewer in direction `a`, at a point or in the mean over the cloth; `passing` is
+    /// the share of the beam that passes all plies.
+    pub(crate) fn new(
+        (layer, here): (&'a HairLayer, Option<HairsHere<'a>>),
+        a: [f32; 3],
+        sigma_per_um: [[f32; N]; 2],
+        passing: f32,
+    ) -> Self {
         let nodes = sigma_per_um.map(|sigma| sigma.map(node_of));
         let viewer = usize::from(a[2] < 0.0);
         let energies = [0, 1].map(|kind| layer.energies(kind, a[2]));
         let sides = [(viewer, 1.0), (1 - viewer, passing)].map(|(side, arrives)| {
             let depth = layer.depth(side, a[2]);
             let all = depth[0] + depth[1];
-            let hit = arrives * -(-all).exp_m1();
+            let covered = layer.seen(side, a, here.as_ref());
+            let hit = arrives * covered;
+            let hits = layer.hits(side, a[2]);
+            let arrives = if hits > 0.0 { hit / hits } else { 0.0 };
             let (mut energy, mut out) = ([[0.0; N]; 2], [0.0; N]);
             for kind in 0..2 {
                 let share = if all > 0.0 { hit * depth[kind] / all } else { 0.0 };
@@ -192,9 +221,9 @@ impl<'a, const N: usize> HairsAt<'a, N> {
                     out[k] += share * if side == viewer { up } else { whole - up };
                 }
             }
-            SideAt { side, depth, arrives, energy, out, chance: 0.0 }
+            SideAt { side, depth, arrives, free: 1.0 - covered, energy, out, chance: 0.0 }
         });
-        HairsAt { layer, a, nodes, sides }
+        HairsAt { layer, here, a, nodes, sides }
     }
 
     /// `[kind][before, behind the plies][absorption]`: energies that the layers scatter.
@@ -204,8 +233,7 @@ impl<'a, const N: usize> HairsAt<'a, N> {
 
     /// Share of the light that passes all plies and then hits no hair behind them.
     pub(crate) fn passes_behind(&self) -> f32 {
-        let [first, second] = self.sides[1].depth;
-        (-first - second).exp()
+        self.sides[1].free
     }
 
     /// `[viewer's side, other side][absorption]`: energies that leave on the layer's own side of the cloth.
@@ -252,7 +280,9 @@ impl<'a, const N: usize> HairsAt<'a, N> {
     /// Share of a ply's light in direction `b` that passes the hairs.
     #[inline]
     pub(crate) fn free(&self, b: [f32; 3]) -> f32 {
-        self.layer.passes(b)
+        let side = usize::from(b[2] < 0.0);
+        let hits = self.layer.hits(side, b[2]);
+        1.0 - self.here.map_or(hits, |here| here.shadow(side, b, hits))
     }
 
     /// Density of [`HairsAt::draw`] times the probability of sampling the layer [1/sr].
@@ -280,6 +310,8 @@ fn interpolate(of: &[f32; SIGMAS], (node, share): (usize, f32)) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::cloth::Lattice;
+    use crate::cloth::light::hair_field::HAIR_TEXELS;
 
     /// The closed forms of light scattered once equal the integral over the depth for isotropic hairs.
     #[test]
@@ -304,7 +336,9 @@ mod tests {
     fn energies_are_integrals() {
         let node = |i: usize| (i as f32 * 0.37).sin().abs();
         let scatter = (0..2 * HAIR_NODES).map(|i| std::array::from_fn(|k| node(i) / (1.0 + k as f32))).collect();
-        let layer = HairLayer::new([[[0.2; HAIR_COSINES]; 2]; 2], scatter);
+        let lattice = Lattice::new([[1e3, 0.0], [0.0, 1e3]]).expect("a lattice");
+        let field = HairField::new(&lattice, [1; 2], [0.0; 2], &vec![0; HAIR_TEXELS * HAIR_TEXELS]);
+        let layer = HairLayer::new([[[0.2; HAIR_COSINES]; 2]; 2], scatter, field);
         for view in [1.0 / 16.0, 5.0 / 16.0, 15.0 / 16.0] {
             let [up, all] = layer.energies(1, view);
             let per = TAU / (HAIR_COSINES * HAIR_AZIMUTHS) as f32;

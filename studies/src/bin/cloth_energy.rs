@@ -27,6 +27,9 @@ fn even(k: usize, step: f64) -> f32 {
     (0.5 + k as f64 * step).fract() as f32
 }
 
+/// Number of cells along each vector over which places are spread.
+const CELLS: f64 = 60.0;
+
 fn direction(z: f32, turn: f32) -> [f32; 3] {
     let (sin, cos) = (TAU * turn).sin_cos();
     let across = (1.0 - z * z).max(0.0).sqrt();
@@ -35,7 +38,9 @@ fn direction(z: f32, turn: f32) -> [f32; 3] {
 
 fn query(cloth: &ClothModel, [u, v]: [f32; 2], wo: [f32; 3], footprint_um: f32) -> ClothQuery<'static, 1> {
     let [a, b] = cloth.cell_um();
-    let at = [0, 1].map(|i| (f64::from(u) * a[i] + f64::from(v) * b[i]) as f32);
+    // Hairs repeat after several cells.
+    let [u, v] = [u, v].map(|part| CELLS * f64::from(part));
+    let at = [0, 1].map(|i| (u * a[i] + v * b[i]) as f32);
     ClothQuery { sigma_per_um: [Some([0.0]); 2], footprint_um, ..ClothQuery::new(at, wo, [0.55]) }
 }
 

@@ -14,10 +14,10 @@ use crate::rays::{FiberSurface, Hit, Medium, PathEnd, Surfaces, Trace};
 use nalgebra::Vector3;
 use plywave::cloth::geometry::ClothPlies;
 use plywave::cloth::light::{
-    HAIR_AZIMUTHS, HAIR_COSINES, HAIR_NODES, HairLayer, SIGMA_PER_UM, SIGMAS, azimuth, class_of_hairs, once,
-    once_through,
+    HAIR_AZIMUTHS, HAIR_COSINES, HAIR_NODES, HAIR_TEXELS, HairField, HairLayer, SIGMA_PER_UM, SIGMAS, azimuth,
+    class_of_hairs, once, once_through,
 };
-use plywave::cloth::{ClothCurves, LineHits};
+use plywave::cloth::{ClothCurves, Lattice, LineHits};
 use plywave::math::hash::SplitMix64;
 use plywave::math::vec3::{cross, dot, sub};
 use plywave::spec::YarnSpec;
@@ -30,6 +30,10 @@ use std::f64::consts::{PI, TAU};
 const HAIRS: f64 = 4000.0;
 const MAX_CELLS: usize = 4096;
 const SEED: u64 = 0x68_6169;
+/// Size of a texel of the tile of hairs over the radius of a hair, and parts of a texel along each side that are
+/// drawn.
+const TEXEL: f64 = 0.8;
+const FINER: usize = 3;
 /// Number of rays for each kind and view.
 const RAYS: usize = 1 << 18;
 /// Sampled outgoing directions of the first hair, from which its occluded and scattered energies are found.
@@ -127,7 +131,90 @@ pub(super) fn hair_layer(
         make_symmetric(nodes, std::array::from_fn(|view| area[0][kind][view] + area[1][kind][view]));
     }
     nodes.resize(2 * HAIR_NODES, [0.0; SIGMAS]);
-    Ok(Some(HairLayer::new(area, nodes)))
+    let field = hair_field(&roots, curves, plies, progress)?;
+    Ok(Some(HairLayer::new(area, nodes, field)))
+}
+
+/// A visible piece of a hair: where it starts, its step, its radius [um], and the share of it that plies do not
+/// occlude.
+type Stroke = ([f64; 3], [f64; 3], f64, f64);
+
+/// Draws the hairs of a tile of cells, as they are seen along the normal of the face and of the back.
+fn hair_field(
+    roots: &HairRoots<'_>,
+    curves: &ClothCurves,
+    plies: &ClothPlies,
+    progress: Progress<'_>,
+) -> Result<HairField, SimError> {
+    // Texels along a side of the fine picture.
+    const FINE: usize = HAIR_TEXELS * FINER;
+    let lattice = &plies.lattice;
+    let wanted_um = roots.mean_radius_um() * TEXEL * HAIR_TEXELS as f64;
+    let cells = lattice.cell_um.map(|v| (wanted_um / v[0].hypot(v[1])).round().max(1.0) as u32);
+    let sides = parts("hairs of a tile", 2, progress, |side| {
+        let up = if side == 0 { 1.0 } else { -1.0 };
+        let (mut free, mut hits) = (vec![1.0f32; FINE * FINE], LineHits::default());
+        let (mut heights, mut areas) = (0.0, 0.0);
+        for cell in 0..(cells[0] * cells[1]) as i32 {
+            let cell = [cell % cells[0] as i32, cell / cells[0] as i32];
+            for hair in (0..curves.yarns.len()).flat_map(|yarn| roots.grow(yarn, cell, SEED ^ 1)) {
+                for ends in hair.points_um.windows(2) {
+                    let step = sub(ends[1], ends[0]);
+                    let middle: [f32; 3] = std::array::from_fn(|k| (ends[0][k] + 0.5 * step[k]) as f32);
+                    plies.lines.hits_while(middle, [0.0, 0.0, up as f32], &mut hits, |hit| plies.passes(hit));
+                    let seen: f64 = hits.as_slice().iter().map(|hit| f64::from(plies.r_d(hit))).product();
+                    let area = step[0].hypot(step[1]) * seen;
+                    (heights, areas) = (heights + area * f64::from(middle[2]), areas + area);
+                    draw(&mut free, lattice, cells, (ends[0], step, hair.radius_um, seen));
+                }
+            }
+        }
+        let covered = |at: usize| {
+            let (x, y) = (at % HAIR_TEXELS * FINER, at / HAIR_TEXELS * FINER);
+            let fine = (0..FINER * FINER).map(|i| free[(y + i / FINER) * FINE + x + i % FINER]);
+            (15.0 * (1.0 - fine.sum::<f32>() / (FINER * FINER) as f32)).round() as u8
+        };
+        let half = HAIR_TEXELS * HAIR_TEXELS / 2;
+        let shares: Vec<u8> = (0..half).map(|i| covered(2 * i) | covered(2 * i + 1) << 4).collect();
+        (shares, if areas > 0.0 { heights / areas } else { 0.0 })
+    })?;
+    let [face, back] = [&sides[0], &sides[1]];
+    let heights = [face.1, back.1].map(|height| height as f32);
+    Ok(HairField::new(lattice, cells, heights, &[&face.0[..], &back.0].concat()))
+}
+
+/// Draws a stroke into the picture of a tile, which repeats.
+fn draw(free: &mut [f32], lattice: &Lattice, cells: [u32; 2], (from, step, radius_um, seen): Stroke) {
+    const FINE: usize = HAIR_TEXELS * FINER;
+    let length = step[0].hypot(step[1]);
+    if length < 1e-6 || seen < 1e-3 {
+        return;
+    }
+    let along = [step[0] / length, step[1] / length];
+    let per_cell = cells.map(|cells| FINE as f64 / f64::from(cells));
+    let texel = |x: f64, y: f64| {
+        let at = lattice.fractions(x, y);
+        [at[0] * per_cell[0], at[1] * per_cell[1]]
+    };
+    let corners = [(0.0, -1.0), (0.0, 1.0), (length, -1.0), (length, 1.0)].map(|(s, t)| {
+        texel(from[0] + s * along[0] - t * radius_um * along[1], from[1] + s * along[1] + t * radius_um * along[0])
+    });
+    let range = |k: usize| {
+        let (low, high) = corners.iter().fold((f64::MAX, f64::MIN), |(a, b), c| (a.min(c[k]), b.max(c[k])));
+        low.floor() as i64..=high.ceil() as i64
+    };
+    let [a, b] = lattice.cell_um;
+    let index = |i: i64| i.rem_euclid(FINE as i64) as usize;
+    for j in range(1) {
+        for i in range(0) {
+            let [u, v] = [(i as f64 + 0.5) / per_cell[0], (j as f64 + 0.5) / per_cell[1]];
+            let p = [u * a[0] + v * b[0] - from[0], u * a[1] + v * b[1] - from[1]];
+            let (s, t) = (p[0] * along[0] + p[1] * along[1], p[1] * along[0] - p[0] * along[1]);
+            if (0.0..length).contains(&s) && t.abs() < radius_um {
+                free[index(j) * FINE + index(i)] *= 1.0 - seen as f32;
+            }
+        }
+    }
 }
 
 /// Makes densities times visible areas symmetric in view and light, as reciprocity demands. Noise and
