@@ -35,7 +35,7 @@ pub use data::exits::{
     EXIT_KINDS, EXIT_LENGTH_UM, EXIT_LENGTHS, EXIT_TERMS, ExitOffsets, ExitShape, USUAL_EXIT_LENGTHS, exit_terms,
 };
 #[doc(hidden)]
-pub use data::exits::{ExitDensity, ExitLine, ExitsAt};
+pub use data::exits::{EXIT_OFFSETS, ExitDensity, ExitLine, ExitsAt, OffsetShares};
 pub use data::layer_factors::LayerFactors;
 pub use data::{ENERGY_TOLERANCE, MIN_ENERGY, MIN_TRANSMITTANCE, PlyData, extended};
 pub(crate) use data::{MAX_LOBES, MAX_PATHS};

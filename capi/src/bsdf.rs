@@ -12,9 +12,9 @@ use plywave_fiber::FiberBsdf;
 /// Largest number of wavelengths or channels of a query.
 pub const PLYWAVE_MAX_COUNT: usize = 4;
 
-/// Size of a prepared query in 64-bit words, without its tag. With the tag it is 11 KB: the size of the
+/// Size of a prepared query in 64-bit words, without its tag. With the tag it is 7 KB: the size of the
 /// largest prepared query, a cloth at four wavelengths.
-pub const PLYWAVE_BSDF_WORDS: usize = 1392;
+pub const PLYWAVE_BSDF_WORDS: usize = 912;
 
 /// A model at a query. The caller provides the memory, usually on the stack; the library writes and reads its
 /// content. A prepared query owns no memory and needs no release; it may be copied, moved, and read by many

@@ -21,21 +21,31 @@ use crate::frame::is_direction;
 use crate::frame::{to_pattern, to_surface};
 use crate::gap::{GapAt, Opening};
 use crate::math::clamp_unit;
+use crate::math::vec3::dot;
+use crate::ply::speckle::Speckle;
 use crate::ply::{ExitsAt, LobeLight, Prepared, UncachedPly, hit_chance};
 use crate::{Bsdf, BsdfSample};
+use multiversion::multiversion;
 
 /// Transforms a direction from the cloth's frame to a ply's.
+#[inline(always)]
 fn to_ply(frame: &[[f32; 3]; 3], w: [f32; 3]) -> [f32; 3] {
-    frame.map(|a| a[0] * w[0] + a[1] * w[1] + a[2] * w[2])
+    [dot(frame[0], w), dot(frame[1], w), dot(frame[2], w)]
 }
 
 /// Transforms a direction from a ply's frame to the cloth's.
+#[inline(always)]
 fn to_cloth(frame: &[[f32; 3]; 3], w: [f32; 3]) -> [f32; 3] {
-    std::array::from_fn(|k| frame[0][k] * w[0] + frame[1][k] * w[1] + frame[2][k] * w[2])
+    let [x, y, z] = frame;
+    let along = |k: usize| x[k] * w[0] + y[k] * w[1] + z[k] * w[2];
+    [along(0), along(1), along(2)]
 }
 
 /// Largest number of plies behind the first hit whose lobes a query evaluates.
 pub(crate) const MAX_NEAR: usize = 4;
+
+/// What is computed once for a ply: its interpolated lobes and its speckle patterns.
+type Kept<'b, const N: usize> = (&'b Prepared<N>, Option<&'b Speckle<N>>);
 
 /// A ply near the line.
 #[derive(Clone, Copy, Debug)]
@@ -61,21 +71,25 @@ pub(crate) struct NearPly<'a, const N: usize> {
 impl<const N: usize> NearPly<'_, N> {
     /// Computes the energies; returns r_d, the share of the light that passes the ply unscattered.
     pub(crate) fn energies(&mut self, prepared: &Prepared<N>) -> f32 {
-        let (energy, r_d) = self.ply.lit_by(&self.ply.kept(prepared)).albedo_r_d();
+        let (energy, r_d) = self.ply.lit_by(&self.ply.kept(prepared), None).albedo_r_d();
         self.energy = energy;
         self.hit_chance = hit_chance(&energy, r_d);
         r_d
     }
 
     /// Share, per wavelength, of the light through fibers that leaves with the distribution of clear fibers.
-    #[inline]
+    #[inline(always)]
     fn clear_shares(&self) -> [f32; N] {
-        self.ply.query.sigma_per_um.map(ExitsAt::clear_share)
+        let mut shares = [0.0; N];
+        for k in 0..N {
+            shares[k] = ExitsAt::clear_share(self.ply.query.sigma_per_um[k]);
+        }
+        shares
     }
 
     /// Adds the light of the lobes, weighted by the shares that escape: those of f_refl, and those of f_high
     /// for clear and for dark fibers.
-    #[inline]
+    #[inline(always)]
     fn add_light(&self, free: [f32; 3], clear_shares: &[f32; N], light: &LobeLight<N>, f: &mut [f32; N]) {
         let [refl, clear, dark] = [free[0] * self.arrives, free[1] * self.arrives, free[2] * self.arrives];
         for k in 0..N {
@@ -83,10 +97,10 @@ impl<const N: usize> NearPly<'_, N> {
         }
     }
 
-    #[inline]
+    #[inline(always)]
     fn add(&self, b: [f32; 3], b_ply: [f32; 3], light: &LobeLight<N>, f: &mut [f32; N], pdf: &mut f32) {
         self.add_light(
-            self.shade.toward(&Toward::new(b), self.exits.lines(self.ply.model.exit_shapes(), b_ply)),
+            self.shade.toward(&Toward::new(b), self.ply.model.exit_shapes(), self.exits.lines(b_ply)),
             &self.clear_shares(),
             light,
             f,
@@ -94,10 +108,12 @@ impl<const N: usize> NearPly<'_, N> {
         *pdf += self.chance * light.pdf;
     }
 
-    #[inline]
-    fn eval_pdf(&self, prepared: &Prepared<N>, b: [f32; 3], f: &mut [f32; N], pdf: &mut f32) {
+    /// Adds f and density in a direction, with the lobes and the speckle patterns that were prepared.
+    #[inline(always)]
+    fn eval_pdf(&self, (prepared, speckle): Kept<'_, N>, b: [f32; 3], f: &mut [f32; N], pdf: &mut f32) {
         let b_ply = to_ply(&self.frame, b);
-        self.add(b, b_ply, &self.ply.lit_by(&self.ply.kept(prepared)).eval_pdf(self.hit_chance, b_ply), f, pdf);
+        let light = self.ply.lit_by(&self.ply.kept(prepared), speckle).eval_pdf(self.hit_chance, b_ply);
+        self.add(b, b_ply, &light, f, pdf);
     }
 
     /// Adds f for many directions of the light.
@@ -106,9 +122,9 @@ impl<const N: usize> NearPly<'_, N> {
         let shares = self.clear_shares();
         for (toward, f) in lights.iter().zip(f) {
             let b_ply = to_ply(&self.frame, toward.b);
-            let light = self.ply.lit_by(&interpolated).eval_apart(b_ply);
+            let light = self.ply.lit_by(&interpolated, None).eval_apart(b_ply);
             self.add_light(
-                self.shade.toward(toward, self.exits.lines(self.ply.model.exit_shapes(), b_ply)),
+                self.shade.toward(toward, self.ply.model.exit_shapes(), self.exits.lines(b_ply)),
                 &shares,
                 &light,
                 f,
@@ -118,12 +134,12 @@ impl<const N: usize> NearPly<'_, N> {
 
     #[inline]
     fn pdf(&self, prepared: &Prepared<N>, b: [f32; 3]) -> f32 {
-        self.chance * self.ply.lit_by(&self.ply.kept(prepared)).pdf(self.hit_chance, to_ply(&self.frame, b))
+        self.chance * self.ply.lit_by(&self.ply.kept(prepared), None).pdf(self.hit_chance, to_ply(&self.frame, b))
     }
 
     #[inline]
-    fn sample(&self, prepared: &Prepared<N>, u: [f32; 3]) -> Option<([f32; 3], LobeLight<N>)> {
-        let (w, light) = self.ply.lit_by(&self.ply.kept(prepared)).sample(self.hit_chance, u)?;
+    fn sample(&self, (prepared, speckle): Kept<'_, N>, u: [f32; 3]) -> Option<([f32; 3], LobeLight<N>)> {
+        let (w, light) = self.ply.lit_by(&self.ply.kept(prepared), speckle).sample(self.hit_chance, u)?;
         Some((to_cloth(&self.frame, w), light))
     }
 }
@@ -159,9 +175,11 @@ const FOR_SHADOWS: f32 = 1.35;
 /// once.
 #[derive(Clone, Copy, Debug)]
 pub struct ClothBsdf<'a, const N: usize> {
-    /// The first ply that the line hits, its interpolated lobes, and the plies behind it.
+    /// The first ply that the line hits, its interpolated lobes and its speckle patterns, and the plies
+    /// behind it.
     pub(crate) main: Option<NearPly<'a, N>>,
     pub(crate) prepared: Prepared<N>,
+    pub(crate) speckle: Option<Speckle<N>>,
     pub(crate) others: [Option<NearPly<'a, N>>; MAX_NEAR],
     /// The hair layers over the cloth.
     pub(crate) hairs: Option<HairsAt<'a, N>>,
@@ -188,6 +206,7 @@ impl<'a, const N: usize> ClothBsdf<'a, N> {
         ClothBsdf {
             main: None,
             prepared: Prepared::nothing(),
+            speckle: None,
             others: [const { None }; MAX_NEAR],
             hairs: None,
             passes: Passes::Straight,
@@ -284,7 +303,7 @@ impl<const N: usize> ClothBsdf<'_, N> {
     }
 
     /// Adds the diffracted light that passes all plies, and the density of its samples.
-    #[inline]
+    #[inline(always)]
     fn passing(&self, b: [f32; 3], f: &mut [f32; N], pdf: &mut f32) {
         if self.chances[0] <= 0.0 {
             return;
@@ -302,6 +321,7 @@ impl<const N: usize> ClothBsdf<'_, N> {
         }
     }
 
+    #[inline(always)]
     fn inter_yarn_pdf(&self, b: [f32; 3]) -> f32 {
         self.inter_yarn.pdf([self.chances[1], self.chances[2]], b)
     }
@@ -320,28 +340,23 @@ impl<const N: usize> ClothBsdf<'_, N> {
     /// f and density without the mean over the cell.
     #[inline]
     fn near(&self, b: [f32; 3], known: Option<(usize, LobeLight<N>)>) -> ([f32; N], f32) {
-        let (mut f, mut pdf) = ([0.0; N], self.inter_yarn_pdf(b));
-        self.plies_and_hairs(b, known, &mut f, &mut pdf);
-        let inter_yarn = self.inter_yarn.eval(b);
-        (0..N).for_each(|k| f[k] += inter_yarn[k]);
-        self.passing(b, &mut f, &mut pdf);
-        (f, pdf)
+        near(self, b, known)
     }
 
     /// Adds f and density of the plies, as far as hairs let it pass, and of the hairs.
-    #[inline]
+    #[inline(always)]
     fn plies_and_hairs(&self, b: [f32; 3], known: Option<(usize, LobeLight<N>)>, f: &mut [f32; N], pdf: &mut f32) {
         if let Some(ply) = &self.main {
             match &known {
                 Some((0, light)) => ply.add(b, to_ply(&ply.frame, b), light, f, pdf),
-                _ => ply.eval_pdf(&self.prepared, b, f, pdf),
+                _ => ply.eval_pdf((&self.prepared, self.speckle.as_ref()), b, f, pdf),
             }
         }
         for (i, ply) in self.others.iter().enumerate() {
             let Some(ply) = ply else { continue };
             match &known {
                 Some((known, light)) if *known == i + 1 => ply.add(b, to_ply(&ply.frame, b), light, f, pdf),
-                _ => ply.eval_pdf(&Prepared::NOTHING, b, f, pdf),
+                _ => ply.eval_pdf((&Prepared::NOTHING, ply.ply.speckle().as_ref()), b, f, pdf),
             }
         }
         if let Some(hairs) = &self.hairs {
@@ -392,7 +407,7 @@ impl<const N: usize> ClothBsdf<'_, N> {
         let rescaled = |remaining: f32, chance: f32| [clamp_unit(remaining / chance), u[1], u[2]];
         if let Some(ply) = &self.main {
             if remaining < ply.chance {
-                let drawn = ply.sample(&self.prepared, rescaled(remaining, ply.chance));
+                let drawn = ply.sample((&self.prepared, self.speckle.as_ref()), rescaled(remaining, ply.chance));
                 return drawn.map(|(w, light)| (w, Some((0, light))));
             }
             remaining -= ply.chance;
@@ -400,7 +415,8 @@ impl<const N: usize> ClothBsdf<'_, N> {
         for (i, ply) in self.others.iter().enumerate() {
             let Some(ply) = ply else { continue };
             if remaining < ply.chance {
-                let drawn = ply.sample(&Prepared::NOTHING, rescaled(remaining, ply.chance));
+                let speckle = ply.ply.speckle();
+                let drawn = ply.sample((&Prepared::NOTHING, speckle.as_ref()), rescaled(remaining, ply.chance));
                 return drawn.map(|(w, light)| (w, Some((i + 1, light))));
             }
             remaining -= ply.chance;
@@ -427,6 +443,18 @@ impl<const N: usize> ClothBsdf<'_, N> {
         }
         None
     }
+}
+
+#[multiversion(targets("x86_64+avx2+bmi1+bmi2+fma"))]
+fn near<const N: usize>(of: &ClothBsdf<'_, N>, b: [f32; 3], known: Option<(usize, LobeLight<N>)>) -> ([f32; N], f32) {
+    let (mut f, mut pdf) = ([0.0; N], of.inter_yarn_pdf(b));
+    of.plies_and_hairs(b, known, &mut f, &mut pdf);
+    let inter_yarn = of.inter_yarn.eval(b);
+    for k in 0..N {
+        f[k] += inter_yarn[k];
+    }
+    of.passing(b, &mut f, &mut pdf);
+    (f, pdf)
 }
 
 impl ClothBsdf<'_, SIGMAS> {

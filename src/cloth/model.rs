@@ -31,11 +31,13 @@ use crate::cloth::{Channels, ClothData, ColorOf, YarnColor};
 use crate::color::AlbedoCurve;
 use crate::gap::{Opening, Slit};
 use crate::io::Document;
+use crate::math::simd::atan2;
 use crate::optics::Reflections;
 use crate::ply::PlyPlace;
 use crate::ply::{Prepared, UncachedPly};
 use crate::spec::{GaussianBeam, YarnSpec};
 use crate::{PlyModel, PlyQuery, Result};
+use multiversion::multiversion;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -248,14 +250,14 @@ impl ClothModel {
     }
 
     /// Absorptions of a kind of yarn: the query's own, or those of the mean color of its yarns.
-    #[inline]
+    #[inline(always)]
     fn sigma<const N: usize>(&self, query: &ClothQuery<'_, N>, kind: usize) -> [f32; N] {
         let kind = kind.min(self.plies.kinds - 1);
         query.sigma_per_um[kind].unwrap_or_else(|| self.dyes.mean(kind).at(query.lambda_um, query.channels))
     }
 
     /// Moves a point of the plane into the cell at the origin; returns the point and the cell it came from.
-    #[inline]
+    #[inline(always)]
     fn in_cell(&self, [x, y]: [f32; 2]) -> ([f32; 2], [i32; 2]) {
         let (x, y) = (f64::from(x), f64::from(y));
         let cell = self.plies.lattice.fractions(x, y).map(|f| f.floor());
@@ -269,137 +271,12 @@ impl ClothModel {
     pub fn at<'a, const N: usize>(&'a self, query: &ClothQuery<'a, N>) -> ClothBsdf<'a, N> {
         // The result is filled in place because it is too large to move.
         let mut at = ClothBsdf::empty();
-        self.fill(query, &mut at);
+        fill(self, query, &mut at);
         at
     }
 
-    fn fill<'a, const N: usize>(&'a self, query: &ClothQuery<'a, N>, at: &mut ClothBsdf<'a, N>) {
-        let (turn, at_um, wo) = in_pattern(query);
-        at.turn = turn;
-        if at.is_far(self.far_at(query, wo)) {
-            return;
-        }
-        let even_um = self.uneven.place(at_um);
-        let (at_um, cell) = self.in_cell(even_um);
-        let d = wo.map(|v| -v);
-        let mut hits = LineHits::default();
-        let passes = |hit: &LineHit| {
-            let kind = self.plies.kind_of[hit.curve as usize];
-            passes(query.models[kind].unwrap_or(&self.plies.models[kind]), self.plies.scale[kind], hit)
-        };
-        self.plies.lines.hits_while(start(&self.plies.lines, at_um, wo), d, &mut hits, passes);
-        let hits = hits.as_slice();
-        let mut sigma_per_um = [0, 1].map(|kind| self.sigma(query, kind));
-        // Kinds with several colors of which no yarn has been hit so far; they use the mean color.
-        let mut is_mean = [0, 1].map(|kind| self.dyes.several(kind) && query.sigma_per_um[kind].is_none());
-        let mut firsts = [(0, [0.0; N]); MAX_NEAR + 5];
-        let mut count = 0;
-        let is_uneven = !self.inter_yarn.places.is_even();
-        let mut ratios = RatiosOfPlies::default();
-        let hairs = self.hairs.as_deref();
-        let hairs = hairs.map(|layer| (layer, Some(HairsHere::new(&layer.field, even_um, query.footprint_um))));
-        if let Some((layer, here)) = &hairs {
-            at.passing = 1.0 - layer.seen(usize::from(wo[2] < 0.0), wo, here.as_ref());
-        }
-        let first = hits.first().map_or(0, |hit| self.plies.kind_of[hit.curve as usize]);
-        at.is_double = hits.iter().any(|h| self.plies.kind_of[h.curve as usize] != first);
-        for (depth, hit) in hits.iter().enumerate() {
-            let kind = self.plies.kind_of[hit.curve as usize];
-            let model: &'a PlyModel = query.models[kind].unwrap_or(&self.plies.models[kind]);
-            let (theta_i, h_um) = (hit.theta_i, self.plies.scale[kind] * hit.h_um);
-            let mut sigma = sigma_per_um[kind];
-            if query.sigma_per_um[kind].is_none() && self.dyes.several(kind) {
-                sigma = self.dyes.of(kind, self.number(hit, cell)).at(query.lambda_um, query.channels);
-                if std::mem::take(&mut is_mean[kind]) {
-                    sigma_per_um[kind] = sigma;
-                }
-            }
-            let ply_query = PlyQuery {
-                place: (self.options.relief || self.options.noise)
-                    .then(|| self.place(hit, cell, wo, query.footprint_um)),
-                relief: self.options.relief,
-                speckle: self.options.noise,
-                slit: self.slits[kind].as_ref().filter(|_| !at.is_double),
-                ..PlyQuery::new(theta_i, h_um, sigma, query.lambda_um)
-            };
-            let class = class(kind, depth, depth + 1 < hits.len());
-            let arrives = at.passing;
-            let lit_at =
-                |ply: &NearPly<'a, N>| self.inter_yarn.places.at(ply.shade.tables(), angle_of(hit, ply.frame[1]));
-            let r_d = if at.main.is_none() {
-                let main = at.main.insert(self.near_ply((hit, class), model.uncached_at(&ply_query), arrives, wo));
-                main.ply.prepare_into(&mut at.prepared);
-                let r_d = main.energies(&at.prepared);
-                firsts[count] = (class, main.energy.map(|e| arrives * e));
-                if is_uneven {
-                    ratios.add(arrives * (1.0 - r_d), &lit_at(main));
-                }
-                count += 1;
-                r_d
-            } else {
-                let free_slot = at.others.iter().position(Option::is_none);
-                let Some(slot) = free_slot.filter(|free_slot| *free_slot == 0 || arrives > MIN_OWN) else {
-                    // The table of lobes is full or the weight is small: the ply before this one scatters its
-                    // energy.
-                    let r_d = model.r_d(theta_i, h_um);
-                    if let Some(last) = &mut at.others[free_slot.unwrap_or(MAX_NEAR) - 1] {
-                        let more = 1.0 + arrives * (1.0 - r_d) / (last.arrives * last.caught).max(MIN_CAUGHT);
-                        last.arrives *= more;
-                        firsts[count - 1].1.iter_mut().for_each(|energy| *energy *= more);
-                    }
-                    at.passing *= r_d;
-                    if at.passing < MIN_CAUGHT {
-                        break;
-                    }
-                    continue;
-                };
-                let mut ply = self.near_ply((hit, class), model.uncached_at(&ply_query), arrives, wo);
-                let r_d = ply.energies(&Prepared::NOTHING);
-                // Energy that a rim intercepts below this threshold counts as passing.
-                if arrives * (1.0 - r_d) < MIN_CAUGHT {
-                    continue;
-                }
-                ply.caught = 1.0 - r_d;
-                let ply = at.others[slot].insert(ply);
-                firsts[count] = (class, ply.energy.map(|e| arrives * e));
-                if is_uneven {
-                    ratios.add(arrives * (1.0 - r_d), &lit_at(ply));
-                }
-                count += 1;
-                r_d
-            };
-            at.passing *= r_d;
-            if at.passing < MIN_CAUGHT {
-                break;
-            }
-        }
-        // Hairs have the color of the yarn below them.
-        if let Some(hairs) = hairs {
-            let hairs = at.hairs.insert(HairsAt::new(hairs, wo, sigma_per_um, at.passing));
-            at.passing *= hairs.passes_behind();
-            for (kind, energies) in hairs.energies().into_iter().enumerate() {
-                for (is_behind, energy) in [false, true].into_iter().zip(energies) {
-                    firsts[count] = (class_of_hairs(kind, is_behind), energy);
-                    count += 1;
-                }
-            }
-        }
-        if count > 0 {
-            at.inter_yarn = self.inter_yarn.at(wo, &firsts[..count], sigma_per_um, self.sent_factors());
-            if is_uneven {
-                let (of, share) = ratios.deviations(&self.inter_yarn.places.mean_at(wo), 1.0 - at.passing);
-                at.inter_yarn.set_place(&self.inter_yarn, (&of, share), sigma_per_um[first]);
-            }
-        }
-        at.passes = match (&at.main, &self.gaps) {
-            (Some(main), _) if self.options.edges && main.ply.model.has_edge() => Passes::Edge,
-            (None, Some(gaps)) => at.passes_gap(gaps.at(&self.plies.lines, at_um, wo, query.lambda_um)),
-            _ => Passes::Straight,
-        };
-        at.set_chances();
-    }
-
     /// Factors on the light that first plies send up and down: 1, or 0 where an option excludes it.
+    #[inline(always)]
     fn sent_factors(&self) -> [f32; 2] {
         [self.options.shadowing, self.options.layers].map(|on| f32::from(u8::from(on)))
     }
@@ -416,7 +293,7 @@ impl ClothModel {
         let counts = [self.options.shadowing, self.options.layers];
         let scale = self.plies.scale[class / CLASSES_A_KIND];
         NearPly {
-            frame: frame(hit, wo.map(|v| -v)),
+            frame: frame(hit, [-wo[0], -wo[1], -wo[2]]),
             shade: ClothShade::new(&self.shadows, hit, wo, counts),
             exits: ply.model.exits_at(ply.query.theta_i, ply.query.h_um, hit.radius_um * scale),
             ply,
@@ -430,6 +307,7 @@ impl ClothModel {
     }
 
     /// Number of the yarn that a line hits; `cell` is the cell that the query's point was moved from.
+    #[inline(always)]
     fn number(&self, hit: &LineHit, cell: [i32; 2]) -> i32 {
         let yarn = &self.plies.yarns[self.plies.of_curve[hit.curve as usize] as usize];
         let [i, j] = [0, 1].map(|k| hit.cells[k].wrapping_add(cell[k]));
@@ -437,13 +315,14 @@ impl ClothModel {
     }
 
     /// Position on the ply where the line towards the viewer `wo` leaves it, for relief and speckle.
+    #[inline(always)]
     fn place(&self, hit: &LineHit, cell: [i32; 2], wo: [f32; 3], footprint_um: f32) -> PlyPlace {
         let ply = (self.number(hit, cell) as u32).wrapping_mul(64).wrapping_add(hit.curve);
         // Azimuth of the viewer about the axis, from the direction towards the face of the cloth; it includes
         // the twist.
         let [x, y, z] = hit.tangent;
         let (up, across) = (wo[2] - z * (wo[0] * x + wo[1] * y + wo[2] * z), y * wo[0] - x * wo[1]);
-        let azimuth = across.atan2(up) - self.plies.twist[hit.curve as usize] * hit.parameter;
+        let azimuth = atan2::<false>(across, up) - self.plies.twist[hit.curve as usize] * hit.parameter;
         let [step, a, b] = self.plies.along_um[hit.curve as usize];
         let [i, j] = [0, 1].map(|k| hit.cells[k].wrapping_add(cell[k]) as f32);
         PlyPlace { ply, azimuth, along_um: step * hit.parameter + (a * i + b * j), footprint_um }
@@ -489,4 +368,144 @@ impl ClothModel {
             |opening: Option<Opening>| Some(self.gaps.as_deref()?.apertures().through(opening?, wo, query.lambda_um));
         Some((FarAt::new(plies, inter_yarn, (passing, openings.map(through)), hairs, first), share))
     }
+}
+
+/// Energies times a factor.
+#[inline(always)]
+fn scaled<const N: usize>(energy: &[f32; N], by: f32) -> [f32; N] {
+    let mut all = *energy;
+    for energy in &mut all {
+        *energy *= by;
+    }
+    all
+}
+
+/// Traces the line of a query and prepares its parts.
+#[multiversion(targets("x86_64+avx2+bmi1+bmi2+fma"))]
+fn fill<'a, const N: usize>(of: &'a ClothModel, query: &ClothQuery<'a, N>, at: &mut ClothBsdf<'a, N>) {
+    let (turn, at_um, wo) = in_pattern(query);
+    at.turn = turn;
+    if at.is_far(of.far_at(query, wo)) {
+        return;
+    }
+    let even_um = of.uneven.place(at_um);
+    let (at_um, cell) = of.in_cell(even_um);
+    let d = [-wo[0], -wo[1], -wo[2]];
+    let mut hits = LineHits::default();
+    let passes = |hit: &LineHit| {
+        let kind = of.plies.kind_of[hit.curve as usize];
+        passes(query.models[kind].unwrap_or(&of.plies.models[kind]), of.plies.scale[kind], hit)
+    };
+    of.plies.lines.hits_while(start(&of.plies.lines, at_um, wo), d, &mut hits, passes);
+    let hits = hits.as_slice();
+    let mut sigma_per_um = [of.sigma(query, 0), of.sigma(query, 1)];
+    // Kinds with several colors of which no yarn has been hit so far; they use the mean color.
+    let is_mean_of = |kind: usize| of.dyes.several(kind) && query.sigma_per_um[kind].is_none();
+    let mut is_mean = [is_mean_of(0), is_mean_of(1)];
+    let mut firsts = [(0, [0.0; N]); MAX_NEAR + 5];
+    let mut count = 0;
+    let is_uneven = !of.inter_yarn.places.is_even();
+    let mut ratios = RatiosOfPlies::default();
+    let hairs = of.hairs.as_deref();
+    let hairs = hairs.map(|layer| (layer, Some(HairsHere::new(&layer.field, even_um, query.footprint_um))));
+    if let Some((layer, here)) = &hairs {
+        at.passing = 1.0 - layer.seen(usize::from(wo[2] < 0.0), wo, here.as_ref());
+    }
+    let first = hits.first().map_or(0, |hit| of.plies.kind_of[hit.curve as usize]);
+    at.is_double = hits.iter().any(|h| of.plies.kind_of[h.curve as usize] != first);
+    for (depth, hit) in hits.iter().enumerate() {
+        let kind = of.plies.kind_of[hit.curve as usize];
+        let model: &'a PlyModel = query.models[kind].unwrap_or(&of.plies.models[kind]);
+        let (theta_i, h_um) = (hit.theta_i, of.plies.scale[kind] * hit.h_um);
+        let mut sigma = sigma_per_um[kind];
+        if query.sigma_per_um[kind].is_none() && of.dyes.several(kind) {
+            sigma = of.dyes.of(kind, of.number(hit, cell)).at(query.lambda_um, query.channels);
+            if std::mem::take(&mut is_mean[kind]) {
+                sigma_per_um[kind] = sigma;
+            }
+        }
+        let ply_query = PlyQuery {
+            place: (of.options.relief || of.options.noise).then(|| of.place(hit, cell, wo, query.footprint_um)),
+            relief: of.options.relief,
+            speckle: of.options.noise,
+            slit: of.slits[kind].as_ref().filter(|_| !at.is_double),
+            ..PlyQuery::new(theta_i, h_um, sigma, query.lambda_um)
+        };
+        let class = class(kind, depth, depth + 1 < hits.len());
+        let arrives = at.passing;
+        let lit_at = |ply: &NearPly<'a, N>| of.inter_yarn.places.at(ply.shade.tables(), angle_of(hit, ply.frame[1]));
+        let r_d = if at.main.is_none() {
+            let main = at.main.insert(of.near_ply((hit, class), model.uncached_at(&ply_query), arrives, wo));
+            main.ply.prepare_into(&mut at.prepared);
+            if of.options.noise {
+                at.speckle = main.ply.speckle();
+            }
+            let r_d = main.energies(&at.prepared);
+            firsts[count] = (class, scaled(&main.energy, arrives));
+            if is_uneven {
+                ratios.add(arrives * (1.0 - r_d), &lit_at(main));
+            }
+            count += 1;
+            r_d
+        } else {
+            let free_slot = at.others.iter().position(Option::is_none);
+            let Some(slot) = free_slot.filter(|free_slot| *free_slot == 0 || arrives > MIN_OWN) else {
+                // The table of lobes is full or the weight is small: the ply before this one scatters its
+                // energy.
+                let r_d = model.r_d(theta_i, h_um);
+                if let Some(last) = &mut at.others[free_slot.unwrap_or(MAX_NEAR) - 1] {
+                    let more = 1.0 + arrives * (1.0 - r_d) / (last.arrives * last.caught).max(MIN_CAUGHT);
+                    last.arrives *= more;
+                    firsts[count - 1].1.iter_mut().for_each(|energy| *energy *= more);
+                }
+                at.passing *= r_d;
+                if at.passing < MIN_CAUGHT {
+                    break;
+                }
+                continue;
+            };
+            let mut ply = of.near_ply((hit, class), model.uncached_at(&ply_query), arrives, wo);
+            let r_d = ply.energies(&Prepared::NOTHING);
+            // Energy that a rim intercepts below this threshold counts as passing.
+            if arrives * (1.0 - r_d) < MIN_CAUGHT {
+                continue;
+            }
+            ply.caught = 1.0 - r_d;
+            let ply = at.others[slot].insert(ply);
+            firsts[count] = (class, scaled(&ply.energy, arrives));
+            if is_uneven {
+                ratios.add(arrives * (1.0 - r_d), &lit_at(ply));
+            }
+            count += 1;
+            r_d
+        };
+        at.passing *= r_d;
+        if at.passing < MIN_CAUGHT {
+            break;
+        }
+    }
+    // Hairs have the color of the yarn below them.
+    if let Some(hairs) = hairs {
+        let hairs = at.hairs.insert(HairsAt::new(hairs, wo, sigma_per_um, at.passing));
+        at.passing *= hairs.passes_behind();
+        for (kind, energies) in hairs.energies().into_iter().enumerate() {
+            for (is_behind, energy) in [false, true].into_iter().zip(energies) {
+                firsts[count] = (class_of_hairs(kind, is_behind), energy);
+                count += 1;
+            }
+        }
+    }
+    if count > 0 {
+        of.inter_yarn.at_into(wo, &firsts[..count], sigma_per_um, of.sent_factors(), &mut at.inter_yarn);
+        if is_uneven {
+            let (deviations, share) = ratios.deviations(&of.inter_yarn.places.mean_at(wo), 1.0 - at.passing);
+            at.inter_yarn.set_place(&of.inter_yarn, (&deviations, share), sigma_per_um[first]);
+        }
+    }
+    at.passes = match (&at.main, &of.gaps) {
+        (Some(main), _) if of.options.edges && main.ply.model.has_edge() => Passes::Edge,
+        (None, Some(gaps)) => at.passes_gap(gaps.at(&of.plies.lines, at_um, wo, query.lambda_um)),
+        _ => Passes::Straight,
+    };
+    at.set_chances();
 }

@@ -43,15 +43,15 @@ impl PlyModel {
 
     /// The model at a query, uncached: every call interpolates its lobes, which is best if there is a single
     /// call.
-    #[inline]
+    #[inline(always)]
     pub(crate) fn uncached_at<'a, const N: usize>(&'a self, query: &PlyQuery<'a, N>) -> UncachedPly<'a, N> {
         let lobes = self.uncached(query.theta_i, query.h_um, query.sigma_per_um);
-        SingleLayer { model: self, query: *query, lobes, speckle: self.speckle(query) }
+        UncachedPly { model: self, query: *query, lobes }
     }
 
     /// Factors of the relief on f_refl and f_high in a direction; `None` if the query has no place, switches
     /// relief off, or the model has no relief.
-    #[inline]
+    #[inline(always)]
     pub(super) fn relief_at<const N: usize>(&self, query: &PlyQuery<'_, N>, w: [f32; 3]) -> Option<[f32; 2]> {
         let relief = self.relief.as_ref().filter(|_| query.relief)?;
         Some(relief.factors(query.place.as_ref()?, query.h_um, w))
@@ -60,7 +60,7 @@ impl PlyModel {
     /// The speckle patterns at a query; `None` if the query has no place, switches speckle off, or the model
     /// has no noise.
     #[inline(always)]
-    fn speckle<const N: usize>(&self, query: &PlyQuery<'_, N>) -> Option<Speckle<N>> {
+    pub(super) fn speckle<const N: usize>(&self, query: &PlyQuery<'_, N>) -> Option<Speckle<N>> {
         let noise = self.noise().filter(|_| query.speckle)?;
         noise.at(query.place.as_ref()?, query.h_um, query.theta_i, &query.lambda_um)
     }

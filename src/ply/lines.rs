@@ -97,7 +97,7 @@ impl PassedLines {
     }
 
     /// The mean of r_d over offsets from `low` to `high` [um] at a latitude [rad]; 1 beyond the ply.
-    #[inline]
+    #[inline(always)]
     pub(crate) fn mean(&self, theta_i: f32, low: f32, high: f32) -> f32 {
         // A negative latitude is the mirror image: the ply is rotated about y.
         let (theta, [low, high]) = if theta_i < 0.0 { (-theta_i, [-high, -low]) } else { (theta_i, [low, high]) };

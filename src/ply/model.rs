@@ -16,9 +16,9 @@ use super::place::FibersAround;
 use super::queries::Queries;
 use super::query::PlyQuery;
 use super::relief::Relief;
+use crate::Result;
 use crate::ply::speckle::NoiseField;
 use crate::spec::YarnSpec;
-use crate::{Bsdf, Result};
 
 /// A value of eval stored with the model. A host in another language, or a later version of this one,
 /// evaluates the same query to check that it computes the same.
@@ -207,7 +207,7 @@ impl PlyModel {
     pub fn reference_error(&self) -> f32 {
         let (mut error, mut peak) = (0.0f32, 0.0f32);
         for g in &self.reference_values {
-            let got = self.uncached_at(&PlyQuery::lobes(g.theta_i, g.h_um, g.sigma_per_um)).eval(g.wo);
+            let got = self.uncached_at(&PlyQuery::lobes(g.theta_i, g.h_um, g.sigma_per_um)).lit().eval(g.wo);
             for (got, want) in got.iter().zip(g.value) {
                 error = error.max((got - want).abs());
                 peak = peak.max(want.abs());

@@ -20,9 +20,10 @@
 //! fibers, M fades to 1.
 
 use super::place::{FibersAround, PlyPlace, mean_radius_um};
-use crate::math::hash::{GAMMA, mix64};
+use crate::math::hash::mix32;
+use crate::math::simd::{halves, max, min, sin_cos_half_turns};
 use crate::spec::{Shape, YarnSpec};
-use std::f32::consts::{FRAC_PI_2, TAU};
+use std::f32::consts::{FRAC_1_PI, FRAC_PI_2, TAU};
 
 /// Maximum shift of a fiber from its even position, in distances between fibers.
 const JITTER: f32 = 0.35;
@@ -34,6 +35,10 @@ const HIGH_WIDTH: f32 = 1.1;
 const ENDS: f32 = 2.645_751_3;
 /// Width of a bump, in distances between fibers, from which on M fades to 1.
 const MAX_WIDTH: f32 = 1.5;
+/// Fibers that are evaluated side by side.
+const LANES: usize = 8;
+/// Step of the hashes from fiber to fiber.
+const GOLDEN: u32 = 0x9e37_79b9;
 /// Contrast below which M is 1.
 const MIN_CONTRAST: f32 = 0.02;
 
@@ -96,6 +101,7 @@ impl Relief {
 
     /// The factors of f_refl and f_high at a position, for light scattered towards `w` in the ply's frame and
     /// the offset h [um]. If an input is not finite, both factors are 1.
+    #[inline(always)]
     pub fn factors(&self, place: &PlyPlace, h_um: f32, w: [f32; 3]) -> [f32; 2] {
         let s = (w[0] * w[0] + w[1] * w[1]).sqrt();
         let cos = if s > 0.0 { (w[1] / s).clamp(-1.0, 1.0) } else { 1.0 };
@@ -104,64 +110,80 @@ impl Relief {
         if !ok {
             return [1.0; 2];
         }
-        [self.factor(place, h_um - self.fiber_um * sine, 0), self.factor(place, h_um - 0.5 * self.fiber_um * sine, 1)]
-    }
-
-    /// M of f_refl (`kind` = 0) or f_high (`kind` = 1), for a bump centered at the offset `x_um`.
-    fn factor(&self, place: &PlyPlace, x_um: f32, kind: usize) -> f32 {
         let spacing = TAU / self.count;
-        // The bump convolved with the footprint: the variances add.
-        let own = self.width_um[kind];
-        let wide = ENDS * place.deviation_um();
-        let wide = (own * own + wide * wide).sqrt();
-        let max_width = MAX_WIDTH * spacing * self.ring_um;
-        let contrast = if wide > max_width { max_width / wide } else { 1.0 };
-        if contrast.is_nan() || contrast <= MIN_CONTRAST {
-            return 1.0;
+        // The bumps convolved with the footprint: the variances add.
+        let (blur, max_width) = (ENDS * place.deviation_um(), MAX_WIDTH * spacing * self.ring_um);
+        let ring = self.ring_um;
+        let (mut width, mut contrast, mut x) = ([0.0; 2], [0.0; 2], [0.0; 2]);
+        for kind in 0..2 {
+            let wide = (self.width_um[kind] * self.width_um[kind] + blur * blur).sqrt();
+            contrast[kind] = if wide > max_width { max_width / wide } else { 1.0 };
+            width[kind] = min(wide, max_width);
+            x[kind] = min(max(h_um - [1.0, 0.5][kind] * self.fiber_um * sine, -ring), ring);
         }
-        let (ring, width) = (self.ring_um, wide.min(max_width));
-        let x = x_um.clamp(-ring, ring);
-        // The fibers whose bumps can overlap `x`: those within the width, widened by the jitter.
-        let asin = |x: f32| (x / ring).clamp(-1.0, 1.0).asin();
-        let [low, high] = [place.azimuth - asin(x + width), place.azimuth - asin(x - width)];
-        let first = (low / spacing - 0.5 - JITTER).ceil();
-        let last = (high / spacing - 0.5 + JITTER).floor();
-        let cells = ((last - first) as i32 + 1).clamp(0, self.count as i32);
-        let mut sum = 0.0;
-        for i in 0..cells {
-            let cell = first + i as f32;
-            let number = cell.rem_euclid(self.count) as u32;
-            let bits = mix64((u64::from(place.ply) << 32 | u64::from(number)).wrapping_mul(GAMMA) ^ kind as u64);
-            const UNIT: f32 = 1.0 / (1u32 << 24) as f32;
-            let jitter = JITTER * (2.0 * UNIT * (bits & 0xff_ffff) as f32 - 1.0);
-            let u = UNIT * (bits >> 40) as f32;
-            let weight = match kind {
-                0 => {
-                    if u < self.free {
-                        1.0 / self.free
-                    } else {
-                        0.0
-                    }
-                }
-                _ => 1.0 + HIGH * (2.0 * u - 1.0),
-            };
-            let phi = (cell + 0.5 + jitter) * spacing - place.azimuth;
-            let cos = phi.cos();
-            if phi.abs() < FRAC_PI_2 && cos > 0.0 {
-                let t = (x + ring * phi.sin()) / width;
-                let bump = (1.0 - t * t).max(0.0);
-                sum += weight * cos * bump * bump;
+        // The fibers whose bumps can overlap an offset: those within the width, widened by the jitter.
+        let row = |end: f32| (place.azimuth - about_asin(end / ring)) / spacing - 0.5;
+        let first = (row(max(x[0] + width[0], x[1] + width[1])) - JITTER).ceil();
+        let last = (row(min(x[0] - width[0], x[1] - width[1])) + JITTER).floor();
+        let count = ((last - first) as i32 + 1).clamp(0, self.count as i32) as usize;
+        let sums = self.bumps(place, (first, count), x, width);
+        let mut factors = [1.0; 2];
+        for kind in 0..2 {
+            if contrast[kind] > MIN_CONTRAST {
+                // The integral over the part of the bump that lies on the ring.
+                let upto = |t: f32| {
+                    let t = min(max(t, -1.0), 1.0);
+                    t * (1.0 - t * t * (2.0 / 3.0 - 0.2 * t * t))
+                };
+                let (x, width) = (x[kind], width[kind]);
+                let integral = upto((ring - x) / width) + upto((ring + x) / width);
+                let m = spacing * ring * sums[kind] / (width * max(integral, 0.1));
+                factors[kind] = 1.0 + contrast[kind] * (m - 1.0);
             }
         }
-        // The integral over the part of the bump that lies on the ring.
-        let upto = |t: f32| {
-            let t = t.clamp(-1.0, 1.0);
-            t * (1.0 - t * t * (2.0 / 3.0 - 0.2 * t * t))
-        };
-        let integral = upto((ring - x) / width) + upto((ring + x) / width);
-        let m = spacing * ring * sum / (width * integral.max(0.1));
-        1.0 + contrast * (m - 1.0)
+        factors
     }
+
+    /// Sums of the weighted bumps of `count` fibers, of f_refl and f_high, at the offsets `x_um`.
+    #[inline(always)]
+    fn bumps(&self, place: &PlyPlace, (first, count): (f32, usize), x_um: [f32; 2], width_um: [f32; 2]) -> [f32; 2] {
+        let key = mix32(place.ply);
+        let per_count = 2.0 / self.count;
+        let (low, per_free, per_width) =
+            (FRAC_1_PI * place.azimuth, 1.0 / self.free, width_um.map(|width| 1.0 / width));
+        let mut sums = [[0.0f32; LANES]; 2];
+        let mut start = 0;
+        while start < count {
+            for l in 0..LANES {
+                let cell = first + (start + l) as f32;
+                let number = (cell - self.count * (cell / self.count).floor()) as i32 as u32;
+                let bits = mix32(key.wrapping_add(number.wrapping_mul(GOLDEN)));
+                let unit = |shift: u32, bits_of: u32| (bits >> shift & ((1 << bits_of) - 1)) as f32 + 0.5;
+                let jitter = JITTER * (unit(22, 10) * (2.0 / 1024.0) - 1.0);
+                let half_turns = per_count * (cell + 0.5 + jitter) - low;
+                // Within a quarter of a turn both have their own sign.
+                let (sin, cos, _) = sin_cos_half_turns::<false>(half_turns);
+                let cos = if start + l < count && half_turns.abs() < 0.5 { cos } else { 0.0 };
+                let of_refl = if unit(11, 11) * (1.0 / 2048.0) < self.free { per_free } else { 0.0 };
+                let of_high = 1.0 + HIGH * (unit(0, 11) * (2.0 / 2048.0) - 1.0);
+                for (kind, weight) in [of_refl, of_high].into_iter().enumerate() {
+                    let t = (x_um[kind] + self.ring_um * sin) * per_width[kind];
+                    let bump = max(1.0 - t * t, 0.0);
+                    sums[kind][l] += weight * cos * bump * bump;
+                }
+            }
+            start += LANES;
+        }
+        [halves(sums[0]), halves(sums[1])]
+    }
+}
+
+/// Arc sine within 7e-5 [rad] (Abramowitz and Stegun 1964, 4.4.45), of a number clamped to [-1, 1].
+#[inline(always)]
+fn about_asin(sine: f32) -> f32 {
+    let x = min(sine.abs(), 1.0);
+    let p = 1.570_728_8 + x * (-0.212_114_4 + x * (0.074_261 - 0.018_729_3 * x));
+    (FRAC_PI_2 - (1.0 - x).sqrt() * p).copysign(sine)
 }
 
 #[cfg(test)]

@@ -12,21 +12,27 @@ use crate::gap::Slit;
 use crate::ply::speckle::Speckle;
 use crate::{Bsdf, BsdfSample};
 
-/// A ply whose lobes are interpolated at every call.
-pub(crate) type UncachedPly<'a, const N: usize> = SingleLayer<'a, Uncached<'a, N>, N>;
+/// A ply whose lobes and speckle patterns are computed at every call. Its state is small: a cloth holds
+/// several.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct UncachedPly<'a, const N: usize> {
+    pub(crate) model: &'a PlyModel,
+    pub(crate) query: PlyQuery<'a, N>,
+    pub(super) lobes: Uncached<'a, N>,
+}
 
 /// A ply at a query, with its lobes and its speckle patterns.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct SingleLayer<'a, L, const N: usize> {
-    pub(crate) model: &'a PlyModel,
-    pub(crate) query: PlyQuery<'a, N>,
+    pub(super) model: &'a PlyModel,
+    pub(super) query: PlyQuery<'a, N>,
     pub(super) lobes: L,
     pub(super) speckle: Option<Speckle<N>>,
 }
 
 impl<const N: usize> UncachedPly<'_, N> {
-    /// Interpolates the lobes at the query into `prepared`, for [`SingleLayer::lit_by`].
-    #[inline]
+    /// Interpolates the lobes at the query into `prepared`, for [`UncachedPly::lit_by`].
+    #[inline(always)]
     pub(crate) fn prepare_into(&self, prepared: &mut Prepared<N>) {
         self.lobes.prepare(prepared);
     }
@@ -37,23 +43,27 @@ impl<const N: usize> UncachedPly<'_, N> {
     pub(crate) fn kept<'b>(&'b self, prepared: &'b Prepared<N>) -> WithPrepared<'b, N> {
         WithPrepared::new(&self.lobes, prepared)
     }
-}
 
-impl<L: Lobes<N>, const N: usize> SingleLayer<'_, L, N> {
-    /// The light of the lobes alone, without edge light.
+    /// The speckle patterns at the query, if it has some.
     #[inline(always)]
-    pub(crate) fn lit(&self) -> Lit<'_, L, N> {
-        self.lit_by(&self.lobes)
+    pub(crate) fn speckle(&self) -> Option<Speckle<N>> {
+        self.model.speckle(&self.query)
     }
 
-    /// The light of the lobes alone, computed with other lobes of the same incidence.
+    /// The light of the lobes alone, without edge light and speckle.
     #[inline(always)]
-    pub(crate) fn lit_by<'b, K: Lobes<N>>(&'b self, lobes: &'b K) -> Lit<'b, K, N> {
-        Lit { model: self.model, query: &self.query, lobes, speckle: self.speckle.as_ref() }
+    pub(crate) fn lit(&self) -> Lit<'_, Uncached<'_, N>, N> {
+        self.lit_by(&self.lobes, None)
+    }
+
+    /// The light of the lobes alone, without edge light, computed with other lobes of the same incidence.
+    #[inline(always)]
+    pub(crate) fn lit_by<'b, K: Lobes<N>>(&'b self, lobes: &'b K, speckle: Option<&'b Speckle<N>>) -> Lit<'b, K, N> {
+        Lit { model: self.model, query: &self.query, lobes, speckle }
     }
 
     /// Light diffracted at the ply's edge for a beam that passes entirely, and the density with which
-    /// [`SingleLayer::edge_sample`] samples it; `None` for a model without edge lobes.
+    /// [`UncachedPly::edge_sample`] samples it; `None` for a model without edge lobes.
     pub(crate) fn edge_eval_pdf(&self, w: [f32; 3]) -> Option<([f32; N], f32)> {
         let q = &self.query;
         Some(super::edge::eval_pdf(self.model.edge.as_ref()?, q.theta_i, q.h_um, &q.lambda_um, w))
@@ -64,6 +74,14 @@ impl<L: Lobes<N>, const N: usize> SingleLayer<'_, L, N> {
     pub(crate) fn edge_sample(&self, u: [f32; 3]) -> Option<[f32; 3]> {
         let q = &self.query;
         super::edge::sample(self.model.edge.as_ref()?, q.theta_i, q.h_um, &q.lambda_um, u)
+    }
+}
+
+impl<L: Lobes<N>, const N: usize> SingleLayer<'_, L, N> {
+    /// The light of the lobes alone, without edge light.
+    #[inline(always)]
+    pub(crate) fn lit(&self) -> Lit<'_, L, N> {
+        Lit { model: self.model, query: &self.query, lobes: &self.lobes, speckle: self.speckle.as_ref() }
     }
 
     #[inline]
@@ -84,7 +102,7 @@ impl<L: Lobes<N>, const N: usize> SingleLayer<'_, L, N> {
 }
 
 /// f_refl and f_high of the lobes times the factors of relief and of speckle at the query's place.
-#[inline]
+#[inline(always)]
 fn placed<const N: usize>(
     model: &PlyModel,
     query: &PlyQuery<'_, N>,
@@ -108,7 +126,7 @@ fn placed<const N: usize>(
 }
 
 /// Probability that a sample chooses the lobes rather than the missed light, in proportion to their energies.
-#[inline]
+#[inline(always)]
 pub(crate) fn hit_chance<const N: usize>(albedo: &[f32; N], r_d: f32) -> f32 {
     let mean = albedo.iter().sum::<f32>() / N.max(1) as f32;
     if mean > 0.0 { mean / (mean + r_d) } else { 0.0 }
@@ -125,7 +143,7 @@ pub(crate) struct Lit<'b, L, const N: usize> {
 
 impl<L: Lobes<N>, const N: usize> Lit<'_, L, N> {
     /// Energies of f_refl + f_high, one for each absorption, and r_d, the energy of the missed light.
-    #[inline]
+    #[inline(always)]
     pub(crate) fn albedo_r_d(&self) -> ([f32; N], f32) {
         let energies = self.lobes.energies();
         (energies.albedo(), energies.r_d)
@@ -141,7 +159,7 @@ impl<L: Lobes<N>, const N: usize> Lit<'_, L, N> {
     }
 
     /// f_refl, f_high and the density in a direction; `hit` is [`hit_chance`].
-    #[inline]
+    #[inline(always)]
     pub(crate) fn eval_pdf(&self, hit: f32, w: [f32; 3]) -> LobeLight<N> {
         match self.query.slit {
             None => self.light(w, hit, |lobes| lobes.eval_pdf(w)),
@@ -150,7 +168,7 @@ impl<L: Lobes<N>, const N: usize> Lit<'_, L, N> {
     }
 
     /// f_refl and f_high in a direction, without the density.
-    #[inline]
+    #[inline(always)]
     pub(crate) fn eval_apart(&self, w: [f32; 3]) -> LobeLight<N> {
         match self.query.slit {
             None => self.light(w, 0.0, |lobes| lobes.eval(w)),
@@ -159,7 +177,7 @@ impl<L: Lobes<N>, const N: usize> Lit<'_, L, N> {
     }
 
     /// The density alone.
-    #[inline]
+    #[inline(always)]
     pub(crate) fn pdf(&self, hit: f32, w: [f32; 3]) -> f32 {
         if let Some(slit) = self.query.slit {
             return self.slit_light(slit, hit, w).pdf;
@@ -168,7 +186,7 @@ impl<L: Lobes<N>, const N: usize> Lit<'_, L, N> {
     }
 
     /// Samples a direction from the lobes, and evaluates [`Lit::eval_pdf`] there.
-    #[inline]
+    #[inline(always)]
     pub(crate) fn sample(&self, hit: f32, u: [f32; 3]) -> Option<([f32; 3], LobeLight<N>)> {
         // The numbers above `hit` would choose missed light.
         let u = [(u[0] * hit).min(hit * (1.0 - 1e-6)), u[1], u[2]];
@@ -182,7 +200,7 @@ impl<L: Lobes<N>, const N: usize> Lit<'_, L, N> {
     }
 
     /// The values that `of` computes from the lobes, times the factors of the query's place.
-    #[inline]
+    #[inline(always)]
     fn light(&self, w: [f32; 3], hit: f32, of: impl FnOnce(&L) -> Core<N>) -> LobeLight<N> {
         let Core { refl, high, pdf, .. } = of(self.lobes);
         let (refl, high) = placed(self.model, self.query, self.speckle, w, (refl, high));

@@ -352,7 +352,7 @@ fn circles_are_found() {
 /// The runtime that a host links has no simulator, optimizer, thread pool or random numbers.
 #[test]
 fn the_runtime_is_light() {
-    let allowed = ["multiversion", "safetensors", "serde", "serde_json", "thiserror", "toml"];
+    let allowed = ["arrayvec", "multiversion", "safetensors", "serde", "serde_json", "thiserror", "toml"];
     assert_eq!(dependencies("Cargo.toml").into_iter().collect::<Vec<_>>(), allowed);
 }
 

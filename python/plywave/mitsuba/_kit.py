@@ -150,6 +150,26 @@ class Kit:
         return self.S(0.0)
 
 
+class Words:
+    """Words of 32 bits: Dr.Jit arrays or Python's numbers, modulo 2^32. The variant's kit is ``self.kit``."""
+
+    def word(self, x):
+        """An integer, which may be negative, as a word."""
+        return self.kit.UInt(x) if self.kit.jit else int(x) & 0xFFFFFFFF
+
+    def times(self, x, factor):
+        return x * self.kit.UInt(factor) if self.kit.jit else (x * factor) & 0xFFFFFFFF
+
+    def plus(self, x, y):
+        return x + y if self.kit.jit else (x + y) & 0xFFFFFFFF
+
+    def mix(self, x):
+        """A mixing hash (``mix32`` of src/math/hash.rs)."""
+        x = self.times(x ^ (x >> 16), 0x7FEB352D)
+        x = self.times(x ^ (x >> 15), 0x846CA68B)
+        return x ^ (x >> 16)
+
+
 def _aligned(values):
     """A copy at an address that suits reads of packets. Dr.Jit takes NumPy's memory as it lies; from another address it reads the numbers of a packet one by one, and where a
     processor has no fast gather LLVM makes a branch of each: three times the time of a query, up to nine times that of the kernel's compilation."""

@@ -7,19 +7,18 @@ import math
 import drjit as dr
 import numpy as np
 
-from ._kit import clamp
-from ._speckle import GAMMA, Words
+from ._kit import Words, clamp
 
 # src/ply/relief.rs
-JITTER, HIGH, ENDS, WIDEST, LEAST = 0.35, 0.3, 7.0**0.5, 1.5, 0.02
+JITTER, HIGH, ENDS, WIDEST, LEAST, GOLDEN = 0.35, 0.3, 7.0**0.5, 1.5, 0.02, 0x9E3779B9
 COUNT, RING, FREE, FIBER, WIDTH = range(5)
 
 
-class Relief:
+class Relief(Words):
     """The fibers on the surface of a cloth's plies. The tables are those of ``Curves``."""
 
     def __init__(self, kit, tensors):
-        self.kit, self.words = kit, Words(kit.jit)
+        self.kit = kit
         rows = np.asarray(tensors["relief"], np.float64)
         self.some = bool((rows[:, COUNT] > 0.0).any())
         self.rows = [[float(x) for x in row] for row in rows]
@@ -35,49 +34,62 @@ class Relief:
         cos = dr.select(s > 0.0, clamp(w[1] / dr.maximum(s, 1e-30), -1.0, 1.0), 1.0)
         sine = dr.sqrt(dr.maximum(0.5 - 0.5 * cos, 0.0))
         sine = dr.select(w[0] < 0.0, -sine, sine)
-        fiber = self.number(FIBER, kind)
-        return [self.factor(kind, place, h_um - part * fiber * sine, which) for which, part in ((0, 1.0), (1, 0.5))]
-
-    def factor(self, kind, place, x_um, which):
-        kit, words = self.kit, self.words
+        kit = self.kit
         ply, azimuth, _, footprint = place
-        count, ring, own = (self.number(which, kind) for which in (COUNT, RING, WIDTH + which))
+        count, ring, free, fiber = (self.number(which, kind) for which in (COUNT, RING, FREE, FIBER))
         has = count > 0.0
-        apart = 2.0 * math.pi / dr.maximum(count, 1.0)
-        wide = ENDS * 0.29 * dr.maximum(footprint, 0.0)
-        wide = dr.sqrt(own * own + wide * wide)
+        around = dr.maximum(count, 1.0)
+        apart = 2.0 * math.pi / around
+        blur = ENDS * 0.29 * dr.maximum(footprint, 0.0)
         most = WIDEST * apart * ring
-        contrast = dr.select(wide > most, most / dr.maximum(wide, 1e-30), 1.0)
-        width = dr.maximum(dr.minimum(wide, most), 1e-6)
-        x = clamp(x_um, -ring, ring)
-        asin = lambda x: dr.safe_asin(clamp(x / dr.maximum(ring, 1e-6), -1.0, 1.0)) if kit.jit else math.asin(clamp(x / max(ring, 1e-6), -1.0, 1.0))
-        low, high = azimuth - asin(x + width), azimuth - asin(x - width)
-        first = dr.ceil(low / apart - 0.5 - JITTER)
-        last = dr.floor(high / apart - 0.5 + JITTER)
+        widths, contrasts, offsets = [], [], []
+        for which, part in ((0, 1.0), (1, 0.5)):
+            own = self.number(WIDTH + which, kind)
+            wide = dr.sqrt(own * own + blur * blur)
+            contrasts.append(dr.select(wide > most, most / dr.maximum(wide, 1e-30), 1.0))
+            widths.append(dr.maximum(dr.minimum(wide, most), 1e-6))
+            offsets.append(clamp(h_um - part * fiber * sine, -ring, ring))
+        row = lambda end: (azimuth - about_asin(end / dr.maximum(ring, 1e-6))) / apart - 0.5
+        first = dr.ceil(row(dr.maximum(*(x + width for x, width in zip(offsets, widths)))) - JITTER)
+        last = dr.floor(row(dr.minimum(*(x - width for x, width in zip(offsets, widths)))) + JITTER)
         last = dr.minimum(last, first + count - 1.0)
-        ply = words.of(ply) << 32
-        free = self.number(FREE, kind)
-        low_bits = lambda bits: kit.float(kit.UInt(bits & words.of(0xFFFFFF))) if kit.jit else float(bits & 0xFFFFFF)
+        key = self.mix(self.word(ply))
+        low = azimuth / math.pi
 
-        def add(cell, sum_):
-            whole = cell - count * dr.floor(cell / dr.maximum(count, 1.0))
-            number = words.of(kit.UInt(whole)) if kit.jit else int(whole)
-            bits = words.mix(words.times(ply | number, GAMMA) ^ words.of(which))
-            jitter = JITTER * (2.0 * 2.0**-24 * low_bits(bits) - 1.0)
-            u = 2.0**-24 * low_bits(bits >> 40)
-            weight = dr.select(u < free, 1.0 / free, 0.0) if which == 0 else 1.0 + HIGH * (2.0 * u - 1.0)
-            phi = (cell + 0.5 + jitter) * apart - azimuth
-            t = (x + ring * dr.sin(phi)) / width
-            bump = dr.maximum(1.0 - t * t, 0.0)
-            inside = kit.both(dr.abs(phi) < 0.5 * math.pi, dr.cos(phi) > 0.0)
-            return cell + 1.0, sum_ + dr.select(inside, weight * dr.cos(phi) * bump * bump, 0.0)
+        def add(cell, *sums):
+            number = self.word(cell - count * dr.floor(cell / around))
+            bits = self.mix(self.plus(key, self.times(number, GOLDEN)))
+            unit = lambda shift, count: kit.float(kit.int((bits >> shift) & ((1 << count) - 1))) + 0.5
+            jitter = JITTER * (unit(22, 10) * (2.0 / 1024.0) - 1.0)
+            half_turns = 2.0 / around * (cell + 0.5 + jitter) - low
+            sin, cos = dr.sincos(math.pi * half_turns)
+            cos = dr.select(dr.abs(half_turns) < 0.5, cos, 0.0)
+            weights = dr.select(unit(11, 11) * (1.0 / 2048.0) < free, 1.0 / free, 0.0), 1.0 + HIGH * (unit(0, 11) * (2.0 / 2048.0) - 1.0)
+            out = []
+            for sum_, weight, x, width in zip(sums, weights, offsets, widths):
+                t = (x + ring * sin) / width
+                bump = dr.maximum(1.0 - t * t, 0.0)
+                out.append(sum_ + weight * cos * bump * bump)
+            return (cell + 1.0, *out)
 
-        _, sum_ = kit.loop((kit.float(first), kit.float(0.0)), lambda cell, _: kit.both(cell <= last, has), add, "relief")
+        state = (kit.float(first), kit.float(0.0), kit.float(0.0))
+        _, *sums = kit.loop(state, lambda cell, *_: kit.both(cell <= last, has), add, "relief")
 
         def upto(t):
             t = clamp(t, -1.0, 1.0)
             return t * (1.0 - t * t * (2.0 / 3.0 - 0.2 * t * t))
 
-        integral = upto((ring - x) / width) + upto((ring + x) / width)
-        m = apart * ring * sum_ / (width * dr.maximum(integral, 0.1))
-        return dr.select(kit.both(has, contrast > LEAST), 1.0 + contrast * (m - 1.0), 1.0)
+        factors = []
+        for sum_, contrast, x, width in zip(sums, contrasts, offsets, widths):
+            integral = upto((ring - x) / width) + upto((ring + x) / width)
+            m = apart * ring * sum_ / (width * dr.maximum(integral, 0.1))
+            factors.append(dr.select(kit.both(has, contrast > LEAST), 1.0 + contrast * (m - 1.0), 1.0))
+        return factors
+
+
+def about_asin(sine):
+    """Arc sine within 7e-5 of a number clamped to [-1, 1]."""
+    x = dr.minimum(dr.abs(sine), 1.0)
+    p = 1.5707288 + x * (-0.2121144 + x * (0.074261 - 0.0187293 * x))
+    asin = 0.5 * math.pi - dr.sqrt(1.0 - x) * p
+    return dr.select(sine < 0.0, -asin, asin)

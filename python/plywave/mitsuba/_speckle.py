@@ -9,35 +9,15 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from ._kit import clamp, detached
+from ._kit import Words, clamp, detached
 
-GAMMA, MASK = 0x9E3779B97F4A7C15, (1 << 64) - 1
 # src/ply/speckle/field.rs
 SEAM_RAD, CELLS, ACROSS, LEAST, SPREAD, STEPS, TABLE = 0.15, 16, 0.58, 0.02, 0x9E3779B9, (0xC13FA9A9, 0x91E10DA5), 512
 SIZE, ALONG, REFL, HIGH = range(4)
 NUMBERS = "count ring w0 lam share_refl share_high fade_refl slope_refl fade_high slope_high seed has".split()
 
 
-class Words:
-    """64-bit words of a variant: Dr.Jit arrays or Python numbers."""
-
-    def __init__(self, jit):
-        self.jit = jit
-
-    def of(self, x):
-        return mi.UInt64(x) if self.jit else int(x) & MASK
-
-    def times(self, x, factor):
-        return x * self.of(factor) if self.jit else (x * factor) & MASK
-
-    def mix(self, x):
-        """The finalizer of SplitMix64 (src/math/hash.rs)."""
-        x = self.times(x ^ (x >> 30), 0xBF58476D1CE4E5B9)
-        x = self.times(x ^ (x >> 27), 0x94D049BB133111EB)
-        return x ^ (x >> 31)
-
-
-class Speckle:
+class Speckle(Words):
     """Noise of one or several models on the device."""
 
     def __init__(self, kit, noise):
@@ -64,22 +44,6 @@ class Speckle:
 
     def entry(self, model, table, index):
         return self.kit.take(self.tables, (model * 4 + table) * TABLE + index)
-
-    def word(self, x):
-        """An integer as a word, modulo 2^32."""
-        return self.kit.UInt(x) if self.kit.jit else int(x) & 0xFFFFFFFF
-
-    def times(self, x, factor):
-        return x * self.kit.UInt(factor) if self.kit.jit else (x * factor) & 0xFFFFFFFF
-
-    def plus(self, x, y):
-        return x + y if self.kit.jit else (x + y) & 0xFFFFFFFF
-
-    def mix(self, x):
-        """A mixing hash of 32 bits (``mix32`` of src/math/hash.rs)."""
-        x = self.times(x ^ (x >> 16), 0x7FEB352D)
-        x = self.times(x ^ (x >> 15), 0x846CA68B)
-        return x ^ (x >> 16)
 
     def row(self, model, azimuth, h_um):
         """Number of fibers around the ply between the viewer and the fiber visible at an offset (``FibersAround::row``)."""

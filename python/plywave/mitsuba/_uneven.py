@@ -3,30 +3,19 @@
 import drjit as dr
 import numpy as np
 
+from ._kit import Words
+
 #: Scale at which deviates have variance 1.
 PER_DEVIATION = 6.0**0.5
-WORD = 0xFFFFFFFF
 
 
-class Uneven:
+class Uneven(Words):
     """The uneven kinds of yarns of a cloth."""
 
     def __init__(self, kit, tensors):
         self.kit = kit
         rows = np.asarray(tensors["uneven"], np.float64)
         self.kinds = [([float(x) for x in row], int(seed)) for row, seed in zip(rows, tensors["uneven_seed"])]
-
-    def mix(self, x):
-        """``mix32`` of src/math/hash.rs."""
-        kit = self.kit
-        of = kit.UInt if kit.jit else lambda x: x & WORD
-        x = of((x ^ (x >> 16)) * of(0x7FEB352D))
-        x = of((x ^ (x >> 15)) * of(0x846CA68B))
-        return x ^ (x >> 16)
-
-    def word(self, whole):
-        """A signed integer as a word."""
-        return self.kit.UInt(whole) if self.kit.jit else int(whole) & WORD
 
     def place(self, at):
         """The position on the even cloth that appears at a point."""

@@ -12,7 +12,7 @@ use crate::spec::rules::invalid;
 /// Length of a piece in radii.
 const PIECE: f64 = 1.5;
 /// Side of a voxel in mean radii.
-const VOXEL: f64 = 2.0;
+const VOXEL: f64 = 2.5;
 /// Number of chords that are tested at once.
 pub(crate) const LANES: usize = 8;
 /// Largest number of voxels in a cell.

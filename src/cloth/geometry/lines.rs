@@ -11,8 +11,9 @@ use crate::cloth::ClothCurves;
 use crate::cloth::geometry::axis_at::AxisAt;
 use crate::cloth::geometry::grid::{CurvePiece, Entry, Grid, LANES, Shape};
 use crate::cloth::geometry::nearest::{Found, candidates, refine};
-use crate::math::simd::{max, min};
+use crate::math::simd::{atan2, max, min};
 use crate::math::vec3::{cross, dot};
+use arrayvec::ArrayVec;
 use multiversion::{multiversion, target::target_cfg_f};
 
 /// Largest number of hits of a line that are stored; the nearest ones are kept.
@@ -60,36 +61,26 @@ pub struct LineHit {
 }
 
 /// Hits of a line, sorted by the distance at which it enters the plies.
-#[derive(Clone, Debug)]
-pub struct LineHits {
-    all: [LineHit; MAX_HITS],
-    count: usize,
-}
-
-impl Default for LineHits {
-    fn default() -> Self {
-        LineHits { all: [LineHit::default(); MAX_HITS], count: 0 }
-    }
-}
+#[derive(Clone, Debug, Default)]
+pub struct LineHits(ArrayVec<LineHit, MAX_HITS>);
 
 impl LineHits {
     /// The hits, nearest first.
     pub fn as_slice(&self) -> &[LineHit] {
-        &self.all[..self.count]
+        &self.0
     }
 
-    #[inline]
+    #[inline(always)]
     fn add(&mut self, hit: LineHit) {
-        let mut at = self.count.min(MAX_HITS - 1);
-        if self.count == MAX_HITS && hit.enter_um >= self.all[at].enter_um {
-            return;
+        let behind = self.0.iter().rev().take_while(|other| other.enter_um > hit.enter_um).count();
+        let at = self.0.len() - behind;
+        if self.0.is_full() {
+            if at == MAX_HITS {
+                return;
+            }
+            self.0.pop();
         }
-        while at > 0 && self.all[at - 1].enter_um > hit.enter_um {
-            self.all[at] = self.all[at - 1];
-            at -= 1;
-        }
-        self.all[at] = hit;
-        self.count = (self.count + 1).min(MAX_HITS);
+        self.0.insert(at, hit);
     }
 }
 
@@ -258,7 +249,7 @@ impl ClothLines {
         hits: &mut LineHits,
         mut passes: impl FnMut(&LineHit) -> f32,
     ) {
-        hits.count = 0;
+        hits.0.clear();
         visit(self, (&self.grid, 0.0), from, w, |hit| {
             let passed = passes(&hit);
             hits.add(hit);
@@ -324,10 +315,13 @@ pub(crate) fn visit<F: FnMut(LineHit) -> f32>(
         for block in grid.of_voxel([here[0], here[1], voxel[2]]) {
             let Some(candidates) = candidates::<FMA>(block, origin, w, [begin_um, end_um]) else { continue };
             let found = refine::<FMA>(block, origin, w, &candidates);
+            let mut lanes = 0u32;
             for l in 0..LANES {
-                if found.counts[l] == 0 {
-                    continue;
-                }
+                lanes |= (found.counts[l] & 1) << l;
+            }
+            while lanes != 0 {
+                let l = lanes.trailing_zeros() as usize % LANES;
+                lanes &= lanes - 1;
                 let piece = &grid.pieces[block.piece[l] as usize];
                 let radius = cloth.splines[piece.curve as usize].radius;
                 let reach = radius + beside_um;
@@ -370,26 +364,37 @@ pub(crate) fn visit<F: FnMut(LineHit) -> f32>(
     }
 }
 
+/// Arc sine [rad].
+#[inline(always)]
+fn latitude(sine: f32) -> f32 {
+    let sine = min(max(sine, -1.0), 1.0);
+    atan2::<false>(sine, ((1.0 - sine) * (1.0 + sine)).sqrt())
+}
+
 /// Computes the hit of one lane.
 #[inline(always)]
 fn hit((piece, radius, reach): (&CurvePiece, f32, f32), found: &Found, l: usize, w: [f32; 3]) -> LineHit {
-    let [p, d, dd] = [&found.point, &found.d, &found.dd].map(|of| [of[0][l], of[1][l], of[2][l]]);
+    let lane = |of: &[[f32; LANES]; 3]| [of[0][l], of[1][l], of[2][l]];
+    let (mut p, mut d, dd) = (lane(&found.point), lane(&found.d), lane(&found.dd));
     // The values are extrapolated by the last step.
     let step = found.step[l];
-    let p: [f32; 3] = std::array::from_fn(|k| p[k] + step * (d[k] + 0.5 * step * dd[k]));
-    let d: [f32; 3] = std::array::from_fn(|k| d[k] + step * dd[k]);
+    for k in 0..3 {
+        p[k] += step * (d[k] + 0.5 * step * dd[k]);
+        d[k] += step * dd[k];
+    }
     let nearest = dot(p, w);
-    let off: [f32; 3] = std::array::from_fn(|k| p[k] - nearest * w[k]);
+    let off = [p[0] - nearest * w[0], p[1] - nearest * w[1], p[2] - nearest * w[2]];
     let h2 = min(dot(off, off), reach * reach);
     // A curve of length zero, or one that turns back, has no tangent there; any direction will do.
     let d = if dot(d, d) > MIN_SPEED2_UM2 { d } else { [1.0, 0.0, 0.0] };
     let speed2 = dot(d, d);
     let per = 1.0 / speed2.sqrt();
-    let tangent = d.map(|d| d * per);
+    let tangent = [d[0] * per, d[1] * per, d[2] * per];
     let across = cross(w, tangent);
     let sine2 = max(dot(across, across), MIN_SINE2);
     let along = dot(dd, tangent);
     let knots = piece.to - piece.from;
+    let bend = |k: usize| (dd[k] - along * tangent[k]) / speed2;
     LineHit {
         curve: piece.curve,
         cells: [0; 2],
@@ -397,10 +402,10 @@ fn hit((piece, radius, reach): (&CurvePiece, f32, f32), found: &Found, l: usize,
         nearest_um: nearest,
         enter_um: nearest - (max(radius * radius - h2, 0.0) / sine2).sqrt(),
         h_um: h2.sqrt().copysign(dot(off, across)),
-        theta_i: min(max(-dot(w, tangent), -1.0), 1.0).asin(),
+        theta_i: latitude(-dot(w, tangent)),
         tangent,
         center_um: p,
-        bend_per_um: std::array::from_fn(|k| (dd[k] - along * tangent[k]) / speed2),
+        bend_per_um: [bend(0), bend(1), bend(2)],
         radius_um: radius,
         speed_um: speed2 * per / knots,
     }

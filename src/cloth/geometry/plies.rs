@@ -126,11 +126,11 @@ impl ClothPlies {
 
 /// Axes of the ply's frame at a hit of a line in direction `d`: x and y across the ply, y towards the line's
 /// origin, z along the ply.
-#[inline]
+#[inline(always)]
 pub fn frame(hit: &LineHit, d: [f32; 3]) -> [[f32; 3]; 3] {
     let z = hit.tangent;
     let along = dot(d, z);
-    let mut y: [f32; 3] = std::array::from_fn(|k| along * z[k] - d[k]);
+    let mut y = [along * z[0] - d[0], along * z[1] - d[1], along * z[2] - d[2]];
     let mut length2 = dot(y, y);
     if length2 < 1e-8 {
         // The line runs along the ply: any axis across it will do.
@@ -139,12 +139,12 @@ pub fn frame(hit: &LineHit, d: [f32; 3]) -> [[f32; 3]; 3] {
         length2 = dot(y, y);
     }
     let per = 1.0 / length2.sqrt();
-    let y = y.map(|v| v * per);
+    let y = [y[0] * per, y[1] * per, y[2] * per];
     [cross(y, z), y, z]
 }
 
 /// Approximate share of a line that passes a ply: a mean of r_d over offsets near the hit.
-#[inline]
+#[inline(always)]
 pub(crate) fn passes(model: &PlyModel, scale: f32, hit: &LineHit) -> f32 {
     let (h_um, off) = (scale * hit.h_um, 0.05 * hit.radius_um);
     model.passed_lines().map_or(1.0, |passed| passed.mean(hit.theta_i, h_um - off, h_um + off))
@@ -170,7 +170,7 @@ impl ClothPlies {
 }
 
 /// Start of the line that comes from direction `a` through a point of the middle plane [um].
-#[inline]
+#[inline(always)]
 pub fn start(lines: &ClothLines, at: [f32; 2], a: [f32; 3]) -> [f32; 3] {
     let distance = (lines.half_thickness_um() + MARGIN_UM) / a[2].abs().max(1e-4);
     [at[0] + distance * a[0], at[1] + distance * a[1], distance * a[2]]

@@ -44,13 +44,13 @@ impl Cone {
     pub const NONE: Cone = Cone { width: 1.0, energy: [0.0; TERMS], norm: [1.0; NORMS] };
 
     /// E in a direction; always above 0.
-    #[inline]
+    #[inline(always)]
     pub fn energy(&self, b: [f32; 3]) -> f32 {
         max(dot(&self.energy, &terms(b)), MIN_ENERGY * self.energy[0].abs().max(1e-6))
     }
 
     /// N at a sine, interpolated linearly; the sine is clamped to [-1, 1].
-    #[inline]
+    #[inline(always)]
     pub fn norm(&self, sine: f32) -> f32 {
         let at = min(max(0.5 * (sine + 1.0), 0.0), 1.0) * (NORMS - 1) as f32;
         let i = (at as usize).min(NORMS - 2);
@@ -58,7 +58,7 @@ impl Cone {
     }
 
     /// q at `v`.
-    #[inline]
+    #[inline(always)]
     pub fn density(&self, v: f32) -> f32 {
         let squared = self.width * self.width;
         let t = squared + v * v;
@@ -66,7 +66,7 @@ impl Cone {
     }
 
     /// Integral of q from 0 to `v`.
-    #[inline]
+    #[inline(always)]
     fn below(&self, v: f32) -> f32 {
         0.5 * v / (self.width * self.width + v * v).sqrt()
     }
@@ -87,14 +87,14 @@ pub(crate) struct ConeAt<'a> {
 impl<'a> ConeAt<'a> {
     /// Prepares the cone for light from `a` along an axis. `own` is the cone of light from the side of `a`,
     /// `other` that of light in the reverse direction.
-    #[inline]
+    #[inline(always)]
     pub(crate) fn new(axis: usize, a: [f32; 3], own: &Cone, other: &'a Cone) -> ConeAt<'a> {
         let sine = min(max(a[axis], -1.0), 1.0);
         ConeAt { axis, cone: other, sine, norm: own.norm(sine) }
     }
 
     /// f divided by the energy, in direction `b` of the half space [1/sr].
-    #[inline]
+    #[inline(always)]
     pub(crate) fn eval(&self, b: [f32; 3]) -> f32 {
         let sine = min(max(b[self.axis], -1.0), 1.0);
         let q = self.cone.density(self.sine + sine);
@@ -103,7 +103,7 @@ impl<'a> ConeAt<'a> {
 
     /// Approximate means of the functions 1, x, y, |z| of the light's direction: those of light on the cone
     /// itself, distributed by the cosine to the normal.
-    #[inline]
+    #[inline(always)]
     pub(crate) fn means(&self) -> [f32; FUNCTIONS] {
         let mut means = [1.0, 0.0, 0.0, 0.25 * PI * max(1.0 - self.sine * self.sine, 0.0).sqrt()];
         means[1 + self.axis] = -self.sine;
@@ -111,13 +111,13 @@ impl<'a> ConeAt<'a> {
     }
 
     /// Integrals of q from 0 to the smallest and to the largest v that any direction has.
-    #[inline]
+    #[inline(always)]
     fn ends(&self) -> [f32; 2] {
         [self.sine - 1.0, self.sine + 1.0].map(|v| self.cone.below(v))
     }
 
     /// Density of [`ConeAt::draw`] [1/sr].
-    #[inline]
+    #[inline(always)]
     pub(crate) fn pdf(&self, b: [f32; 3]) -> f32 {
         let sine = min(max(b[self.axis], -1.0), 1.0);
         let [low, high] = self.ends();

@@ -1,11 +1,11 @@
 //! Where the hairs of a cloth lie: a tile of strokes over some cells, filtered by the footprint.
 //!
-//! A texel holds the share of it that the visible hairs of a side cover, seen along the normal. A line off the
-//! normal meets more hairs. Copies of the tile, shifted and laid over each other, cover it 1, 2, 4 and 8 times;
-//! a line's share of the light that hits hairs is the interpolant between two of these whose mean over the tile
-//! is the line's probability of hitting a hair. The mean over the cloth is therefore that of the even layer
-//! (`hair_layer.rs`), at any footprint. Shadows fall at another part of the tile than the hairs that are seen,
-//! so that both are as independent as the layer takes them to be.
+//! A texel holds the share of it that the visible hairs of a side cover, seen along the normal. A line off
+//! the normal meets more hairs. Copies of the tile, shifted and laid over each other, cover it 1, 2, 4 and
+//! 8 times; a line's share of the light that hits hairs is the interpolant between two of these whose mean
+//! over the tile is the line's probability of hitting a hair. The mean over the cloth is therefore that of
+//! the even layer (`hair_layer.rs`), at any footprint. Shadows fall at another part of the tile than the
+//! hairs that are seen, so that both are as independent as the layer takes them to be.
 
 use crate::cloth::Lattice;
 
@@ -53,8 +53,8 @@ const fn squares_of_all() -> usize {
 }
 
 impl HairField {
-    /// Builds the field of `cells` of the lattice from both sides' shares, 0 to 15 for 0 to 1, two in a byte and
-    /// the lower half first.
+    /// Builds the field of `cells` of the lattice from both sides' shares, 0 to 15 for 0 to 1, two in a
+    /// byte and the lower half first.
     pub fn new(lattice: &Lattice, cells: [u32; 2], height_um: [f32; 2], shares: &[u8]) -> HairField {
         const N: usize = HAIR_TEXELS;
         let area = lattice.area_um2() * f64::from(cells[0]) * f64::from(cells[1]);
@@ -151,8 +151,8 @@ impl HairField {
         size_of_val(self.texels.as_slice())
     }
 
-    /// The pyramids, and `[side][layer]`, their means; then fractions of the tile per um, the size of a texel and
-    /// the heights [um].
+    /// The pyramids, and `[side][layer]`, their means; then fractions of the tile per um, the size of a
+    /// texel and the heights [um].
     pub(crate) fn tables(&self) -> (&[u32], Vec<f32>) {
         let numbers = [self.means.as_flattened(), self.per_um.as_flattened(), &[self.texel_um], &self.height_um];
         (&self.texels, numbers.concat())

@@ -7,11 +7,12 @@
 //!
 //! `f(a, b) = p(a, b) t_a / (t_a + t_b) (1 - exp(-t_a - t_b))`, t = A / z,
 //!
-//! which, divided by the cosine, is symmetric where A p is. Light that passes all plies reaches the hairs of
-//! the other side, and `p(a, b) t_a (exp(-t_b) - exp(-t_a)) / (t_a - t_b)` of it leaves after one hair. Light
-//! that goes to the plies or hits another hair counts as intercepted and is part of inter-yarn scattering
-//! (`inter_yarn.rs`). The layer is uniform in azimuth. Over the cloth its hairs are strokes (`hair_field.rs`):
-//! at a point they intercept more or less than the mean, and scatter as much more or less.
+//! which, divided by the cosine, is symmetric where A p is. Light that passes all plies reaches the hairs
+//! of the other side, and `p(a, b) t_a (exp(-t_b) - exp(-t_a)) / (t_a - t_b)` of it leaves after one hair.
+//! Light that goes to the plies or hits another hair counts as intercepted and is part of inter-yarn
+//! scattering (`inter_yarn.rs`). The layer is uniform in azimuth. Over the cloth its hairs are strokes
+//! (`hair_field.rs`): at a point they intercept more or less than the mean, and scatter as much more or
+//! less.
 
 use crate::cloth::light::absorption::{SIGMAS, node_of};
 use crate::cloth::light::hair_field::{HairField, HairsHere};
@@ -82,8 +83,8 @@ impl HairLayer {
         -(-first - second).exp_m1()
     }
 
-    /// Share of the light to a viewer in direction `a` that hairs of a side intercept, at a point or in the mean
-    /// over the cloth.
+    /// Share of the light to a viewer in direction `a` that hairs of a side intercept, at a point or in the
+    /// mean over the cloth.
     #[inline]
     pub(crate) fn seen(&self, side: usize, a: [f32; 3], here: Option<&HairsHere<'_>>) -> f32 {
         let hits = self.hits(side, a[2]);
@@ -193,8 +194,8 @@ pub(crate) struct HairsAt<'a, const N: usize> {
 }
 
 impl<'a, const N: usize> HairsAt<'a, N> {
-    /// Prepares the layers for a viewer in direction `a`, at a point or in the mean over the cloth; `passing` is
-    /// the share of the beam that passes all plies.
+    /// Prepares the layers for a viewer in direction `a`, at a point or in the mean over the cloth;
+    /// `passing` is the share of the beam that passes all plies.
     pub(crate) fn new(
         (layer, here): (&'a HairLayer, Option<HairsHere<'a>>),
         a: [f32; 3],

@@ -24,7 +24,7 @@ use crate::cloth::geometry::plies::Runs;
 use crate::cloth::light::absorption::{SIGMAS, node_of};
 use crate::cloth::light::cones::{Cone, ConeAt};
 use crate::cloth::light::lit_places::{FUNCTIONS, LitPlaces, MAPS, Ratios, clear_map_share, functions};
-use crate::cloth::light::terms::{Few, Poly, dot, few, terms};
+use crate::cloth::light::terms::{FEW, Few, Poly, dot, few, terms};
 use crate::cloth::shade::splines;
 use crate::math::clamp_unit;
 use crate::math::simd::{max, min};
@@ -64,6 +64,47 @@ pub struct Side {
     pub shape: Vec<Poly>,
 }
 
+/// Energies of a [`Side`], with what a query reads together side by side. A row of four results, of light
+/// sent up that leaves up and down and of light sent down, holds two terms of each at a time.
+#[derive(Clone, Debug)]
+struct Packed {
+    /// `[class][spline][sent up, sent down, total]`.
+    caught: Vec<[[f32; SIGMAS]; 3]>,
+    /// `[class][pair]`, `[class][absorption]`.
+    leaves: Vec<Row>,
+    parallel: Vec<Row>,
+}
+
+/// `[two terms][term][result]`.
+type Row = [[f32; 2 * RESULTS]; FEW / 2];
+/// Number of results of a class: by where the light is sent and where it leaves.
+const RESULTS: usize = 4;
+
+impl Packed {
+    fn new(side: &Side) -> Packed {
+        let row = |of: [&Few; RESULTS]| -> Row {
+            std::array::from_fn(|j| std::array::from_fn(|i| of[i % RESULTS][2 * j + i / RESULTS]))
+        };
+        let caught = side
+            .caught
+            .as_chunks::<3>()
+            .0
+            .iter()
+            .flat_map(|[up, down, all]| (0..splines::COUNT).map(move |i| [up[i], down[i], all[i]]));
+        let leaves = side.leaves.as_chunks::<PAIRS>().0.as_chunks::<RESULTS>().0.iter();
+        let leaves = leaves.flat_map(|of| (0..PAIRS).map(move |pair| row(of.each_ref().map(|of| &of[pair]))));
+        let parallel = side.parallel.as_chunks::<RESULTS>().0.iter();
+        let parallel = parallel.flat_map(|of| (0..SIGMAS).map(move |node| row(of.each_ref().map(|of| &of[node]))));
+        Packed { caught: caught.collect(), leaves: leaves.collect(), parallel: parallel.collect() }
+    }
+
+    fn memory_bytes(&self) -> usize {
+        size_of_val(self.caught.as_slice())
+            + size_of_val(self.leaves.as_slice())
+            + size_of_val(self.parallel.as_slice())
+    }
+}
+
 /// The tables of inter-yarn scattering of a cloth.
 #[derive(Clone, Debug)]
 pub struct InterYarn {
@@ -71,6 +112,8 @@ pub struct InterYarn {
     pub sides: [Side; 2],
     /// Where the light leaves the cloth.
     pub places: LitPlaces,
+    /// `[side]`: energies laid out for queries.
+    packed: [Packed; 2],
     /// `[side][leaves up, down][pair]`: means of the functions of the light's direction over the shapes.
     means: Vec<[f32; FUNCTIONS]>,
     /// `[kind]`: axis along which the yarns run.
@@ -79,14 +122,14 @@ pub struct InterYarn {
 
 /// Class of the ply that a line hits as number `depth`, counted from 0; `follows` if the line hits another
 /// ply behind it.
-#[inline]
+#[inline(always)]
 pub fn class(kind: usize, depth: usize, follows: bool) -> usize {
     CLASSES_A_KIND * kind + 2 * usize::from(depth > 0) + usize::from(follows)
 }
 
 /// Class of the hairs of a kind, on the side of incidence or, if `is_behind`, on the other side, reached by
 /// light that passes all plies.
-#[inline]
+#[inline(always)]
 pub fn class_of_hairs(kind: usize, is_behind: bool) -> usize {
     CLASSES_A_KIND * kind + PLY_CLASSES + usize::from(is_behind)
 }
@@ -95,7 +138,13 @@ impl InterYarn {
     /// Builds the tables from both sides, with the warp along y, and the map over places.
     pub fn new(sides: [Side; 2], places: LitPlaces) -> InterYarn {
         let means = sides.iter().flat_map(|side| side.shape.iter().map(means_of_shape)).collect();
-        InterYarn { means, sides, places, runs: [Runs::AlongY, Runs::AlongX] }
+        InterYarn {
+            means,
+            packed: sides.each_ref().map(Packed::new),
+            sides,
+            places,
+            runs: [Runs::AlongY, Runs::AlongX],
+        }
     }
 
     /// The same tables for yarns that run along other axes.
@@ -106,6 +155,7 @@ impl InterYarn {
 
     pub(crate) fn memory_bytes(&self) -> usize {
         self.places.memory_bytes()
+            + self.packed.iter().map(Packed::memory_bytes).sum::<usize>()
             + self
                 .sides
                 .iter()
@@ -128,14 +178,32 @@ impl InterYarn {
         sigma_per_um: [[f32; N]; 2],
         sent: [f32; 2],
     ) -> InterYarnAt<'a, N> {
+        let mut at = InterYarnAt::none(a);
+        self.at_into(a, firsts, sigma_per_um, sent, &mut at);
+        at
+    }
+
+    /// [`InterYarn::at`] in place.
+    #[inline(always)]
+    pub(crate) fn at_into<'a, const N: usize>(
+        &'a self,
+        a: [f32; 3],
+        firsts: &[(usize, [f32; N])],
+        sigma_per_um: [[f32; N]; 2],
+        sent: [f32; 2],
+        at: &mut InterYarnAt<'a, N>,
+    ) {
+        let side = usize::from(a[2] < 0.0);
+        at.up_sign = if side == 1 { -1.0 } else { 1.0 };
+        at.shapes = self.sides[side].shape.as_chunks().0.first_chunk();
         let mut classes = [[0.0; N]; CLASSES];
         for (class, energy) in firsts {
-            (0..N).for_each(|k| classes[*class][k] += energy[k]);
+            for k in 0..N {
+                classes[*class][k] += energy[k];
+            }
         }
-        let side = usize::from(a[2] < 0.0);
-        let mut at = light(&self.sides[side], a, &classes, sigma_per_um, sent);
+        light(&self.packed[side], a, &classes, sigma_per_um, sent, at);
         at.set_cones(self, a, side);
-        at
     }
 
     /// `[side][leaves up, down][pair]`: means of the functions of the light's direction over the shapes.
@@ -144,6 +212,7 @@ impl InterYarn {
     }
 
     /// The same of light from one side.
+    #[inline(always)]
     fn means_from(&self, side: usize) -> Option<&[[[f32; FUNCTIONS]; PAIRS]; 2]> {
         self.means.as_chunks::<PAIRS>().0.get(2 * side..)?.first_chunk()
     }
@@ -183,17 +252,34 @@ fn mixed<const T: usize>(of: &[[f32; T]; PAIRS], corners: &Corners) -> [f32; T] 
     mixed
 }
 
+/// Values of the four results of a row, whose terms have the values `few`.
+#[inline(always)]
+fn results(row: &Row, few: &Row) -> [f32; 2 * RESULTS] {
+    let mut sums = [0.0; 2 * RESULTS];
+    for j in 0..FEW / 2 {
+        for i in 0..2 * RESULTS {
+            sums[i] += few[j][i] * row[j][i];
+        }
+    }
+    sums
+}
+
 #[multiversion(targets("x86_64+avx2+bmi1+bmi2+fma"))]
-fn light<'a, const N: usize>(
-    side: &'a Side,
+fn light<const N: usize>(
+    packed: &Packed,
     a: [f32; 3],
     classes: &[[f32; N]; CLASSES],
     sigma_per_um: [[f32; N]; 2],
     sent: [f32; 2],
-) -> InterYarnAt<'a, N> {
-    let mut at = InterYarnAt::none(a);
-    at.shapes = side.shape.as_chunks().0.first_chunk();
-    let (few, place) = (few(&terms(a)), splines::At::new(a));
+    at: &mut InterYarnAt<'_, N>,
+) {
+    let (of_terms, place) = (few(&terms(a)), splines::At::new(a));
+    let mut few: Row = [[0.0; 2 * RESULTS]; FEW / 2];
+    for j in 0..FEW / 2 {
+        for i in 0..2 * RESULTS {
+            few[j][i] = of_terms[2 * j + i / RESULTS];
+        }
+    }
     let mut nodes = [[(0, 0.0); N]; 2];
     for k in 0..N {
         let [(i, x), (j, y)] = [node_of(sigma_per_um[0][k]), node_of(sigma_per_um[1][k])];
@@ -206,8 +292,6 @@ fn light<'a, const N: usize>(
             (pair + SIGMAS as u16 + 1, x * y),
         ];
     }
-    let leaves = side.leaves.as_chunks::<PAIRS>().0.as_chunks::<2>().0.as_chunks::<2>().0;
-    let parallel = side.parallel.as_chunks::<2>().0.as_chunks::<2>().0;
     for (class, energy) in classes.iter().enumerate() {
         let mut any = 0.0f32;
         for e in energy {
@@ -216,15 +300,23 @@ fn light<'a, const N: usize>(
         if any <= 0.0 {
             continue;
         }
-        let functions = side.caught.get(3 * class..).and_then(|of| of.first_chunk::<3>());
-        let (Some(leaves), Some(parallel), Some(functions)) = (leaves.get(class), parallel.get(class), functions)
-        else {
+        let of = |size: usize| class * size..(class + 1) * size;
+        let (Some(functions), Some(leaves), Some(parallel)) = (
+            packed.caught.get(of(splines::COUNT)).and_then(|of| of.first_chunk::<{ splines::COUNT }>()),
+            packed.leaves.get(of(PAIRS)).and_then(|of| of.first_chunk::<PAIRS>()),
+            packed.parallel.get(of(SIGMAS)).and_then(|of| of.first_chunk::<SIGMAS>()),
+        ) else {
             continue;
         };
         let kind = class / CLASSES_A_KIND;
         let mut at_nodes = [[0.0; SIGMAS]; 3];
-        for (at_nodes, of) in at_nodes.iter_mut().zip(functions) {
-            place.add(of, at_nodes);
+        for (index, weight) in place.index.iter().zip(place.weight) {
+            let of = &functions[usize::from(*index).min(splines::COUNT - 1)];
+            for i in 0..3 {
+                for n in 0..SIGMAS {
+                    at_nodes[i][n] += weight * of[i][n];
+                }
+            }
         }
         let mut caught = [[0.0; N]; 2];
         for k in 0..N {
@@ -244,19 +336,23 @@ fn light<'a, const N: usize>(
                 }
             }
         }
-        for cause in 0..2 {
-            if sent[cause] == 0.0 {
-                continue;
-            }
-            for half in 0..2 {
-                for k in 0..N {
-                    let mixed = mixed(&leaves[cause][half], &at.corners[k]);
-                    let all = min(max(dot(&mixed, &few), 0.0), 1.0);
-                    let (own, u) = nodes[kind][k];
-                    let [low, high] = [own, own + 1].map(|own| dot(&parallel[cause][half][own % SIGMAS], &few));
-                    at.energy[half][k] += caught[cause][k] * all;
-                    at.parallel[kind][half][k] += caught[cause][k] * min(max(low + u * (high - low), 0.0), all);
+        for k in 0..N {
+            let mut all = [0.0; 2 * RESULTS];
+            for (pair, share) in &at.corners[k] {
+                let of = results(&leaves[usize::from(*pair) % PAIRS], &few);
+                for i in 0..2 * RESULTS {
+                    all[i] += share * of[i];
                 }
+            }
+            let (own, u) = nodes[kind][k];
+            let low = results(&parallel[own % SIGMAS], &few);
+            let high = results(&parallel[(own + 1) % SIGMAS], &few);
+            for i in 0..RESULTS {
+                let (cause, half) = (i / 2, i % 2);
+                let all = min(max(all[i] + all[i + RESULTS], 0.0), 1.0);
+                let (low, high) = (low[i] + low[i + RESULTS], high[i] + high[i + RESULTS]);
+                at.energy[half][k] += caught[cause][k] * all;
+                at.parallel[kind][half][k] += caught[cause][k] * min(max(low + u * (high - low), 0.0), all);
             }
         }
     }
@@ -272,7 +368,6 @@ fn light<'a, const N: usize>(
         }
     }
     at.mean = at.energy;
-    at
 }
 
 #[multiversion(targets("x86_64+avx2+bmi1+bmi2+fma"))]
@@ -336,15 +431,18 @@ impl<'a, const N: usize> InterYarnAt<'a, N> {
     }
 
     /// Prepares the cones of the light that only yarns of one kind have scattered.
-    #[inline]
+    #[inline(always)]
     fn set_cones(&mut self, of: &'a InterYarn, a: [f32; 3], side: usize) {
         for kind in 0..2 {
             let axis = of.runs[kind].axis();
             for half in 0..2 {
-                let own: f32 = self.parallel[kind][half].iter().sum();
+                let (mut own, mut all) = (0.0, 0.0);
+                for k in 0..N {
+                    (own, all) = (own + self.parallel[kind][half][k], all + self.energy[half][k]);
+                }
                 if own > 0.0 {
-                    let [from, back] = [side, side ^ half].map(|side| &of.sides[side].cones[kind][half]);
-                    let share = ABOUT_CONES * own / self.energy[half].iter().sum::<f32>();
+                    let [from, back] = [&of.sides[side].cones[kind][half], &of.sides[side ^ half].cones[kind][half]];
+                    let share = ABOUT_CONES * own / all;
                     self.cones[kind][half] = Some((ConeAt::new(axis, a, from, back), share));
                 }
             }
@@ -359,27 +457,33 @@ impl<'a, const N: usize> InterYarnAt<'a, N> {
     /// Moves the light to the place at which the viewer sees it: `deviations` are those of the plies there,
     /// for light from the sides of the face and of the back, and `share` is the part of the intercepted light
     /// that these plies intercept.
-    #[inline]
+    #[inline(always)]
     pub fn set_place(&mut self, of: &InterYarn, (deviations, share): (&Ratios, f32), sigma_per_um: [f32; N]) {
         self.share = share;
         let side = usize::from(self.up_sign < 0.0);
         self.deviations = [deviations[side], deviations[1 - side]];
-        self.clear = sigma_per_um.map(clear_map_share);
+        for k in 0..N {
+            self.clear[k] = clear_map_share(sigma_per_um[k]);
+        }
         let Some(means) = of.means_from(side) else { return };
         // `[k]`: energy that leaves, of the mean over places, and by the ratio of clear fibers.
         let mut leaves = [[0.0; 2]; N];
         for half in 0..2 {
-            let of_cones = [0, 1].map(|kind| {
-                let means = self.cones[kind][half].as_ref().map(|(cone, _)| cone.means());
-                means.map_or([1.0; MAPS], |t| self.ratios(half, &t))
-            });
+            let mut of_cones = [[1.0; MAPS]; 2];
+            for (kind, of) in of_cones.iter_mut().enumerate() {
+                if let Some((cone, _)) = &self.cones[kind][half] {
+                    *of = self.ratios(half, &cone.means());
+                }
+            }
             for k in 0..N {
                 let mut at_shape = [0.0; FUNCTIONS];
                 for (pair, share) in &self.corners[k] {
                     let of = &means[half][usize::from(*pair) % PAIRS];
-                    (0..FUNCTIONS).for_each(|i| at_shape[i] += share * of[i]);
+                    for i in 0..FUNCTIONS {
+                        at_shape[i] += share * of[i];
+                    }
                 }
-                let [first, second] = [0, 1].map(|kind| self.parallel[kind][half][k]);
+                let [first, second] = [self.parallel[0][half][k], self.parallel[1][half][k]];
                 let shaped = (self.mean[half][k] - first - second, self.ratios(half, &at_shape));
                 self.energy[half][k] = 0.0;
                 for (energy, ratios) in [(first, of_cones[0]), (second, of_cones[1]), shaped] {
@@ -391,8 +495,11 @@ impl<'a, const N: usize> InterYarnAt<'a, N> {
             // Samples lean as the mean over wavelengths does.
             let clear = self.clear.iter().sum::<f32>() / N.max(1) as f32;
             let [bright, dark] = self.deviations[half];
-            let [x, y] = [1, 2].map(|i| dark[i] + clear * (bright[i] - dark[i]));
-            let [mean, here] = [self.mean, self.energy].map(|of| of[half].iter().sum::<f32>());
+            let (x, y) = (dark[1] + clear * (bright[1] - dark[1]), dark[2] + clear * (bright[2] - dark[2]));
+            let (mut mean, mut here) = (0.0, 0.0);
+            for k in 0..N {
+                (mean, here) = (mean + self.mean[half][k], here + self.energy[half][k]);
+            }
             let per = mean / max(here, 1e-3 * mean).max(f32::MIN_POSITIVE);
             let length = per * (x * x + y * y).sqrt();
             let per = per * min(MAX_LEAN / length.max(f32::MIN_POSITIVE), 1.0);
@@ -407,7 +514,8 @@ impl<'a, const N: usize> InterYarnAt<'a, N> {
     /// `[map]`: ratios to the mean over places at values of the functions of the light's direction.
     #[inline(always)]
     fn ratios(&self, half: usize, t: &[f32; FUNCTIONS]) -> [f32; MAPS] {
-        [0, 1].map(|map| 1.0 + dot(&self.deviations[half][map], t))
+        let [clear, dark] = &self.deviations[half];
+        [1.0 + dot(clear, t), 1.0 + dot(dark, t)]
     }
 
     /// Ratio to the mean over places at one wavelength.
@@ -417,7 +525,7 @@ impl<'a, const N: usize> InterYarnAt<'a, N> {
     }
 
     /// Whether a direction lies in the half space of incidence.
-    #[inline]
+    #[inline(always)]
     fn is_up(&self, b: [f32; 3]) -> bool {
         b[2] * self.up_sign >= 0.0
     }
@@ -430,7 +538,7 @@ impl<'a, const N: usize> InterYarnAt<'a, N> {
     }
 
     /// f in direction `b` [1/sr].
-    #[inline]
+    #[inline(always)]
     pub fn eval(&self, b: [f32; 3]) -> [f32; N] {
         let half = usize::from(!self.is_up(b));
         let Some(shapes) = self.shapes else { return [0.0; N] };
@@ -441,17 +549,21 @@ impl<'a, const N: usize> InterYarnAt<'a, N> {
         for kind in 0..2 {
             if let Some((cone, _)) = &self.cones[kind][half] {
                 let of = cone.eval(b);
-                (0..N).for_each(|k| f[k] += self.parallel[kind][half][k] * of);
+                for k in 0..N {
+                    f[k] += self.parallel[kind][half][k] * of;
+                }
             }
         }
         let ratios = self.ratios(half, &functions(b));
-        (0..N).for_each(|k| f[k] *= self.ratio(k, ratios));
+        for k in 0..N {
+            f[k] *= self.ratio(k, ratios);
+        }
         f
     }
 
     /// Density of samples in direction `b` [1/sr]; `chances` are the probabilities of sampling light that
     /// leaves up and down.
-    #[inline]
+    #[inline(always)]
     pub(crate) fn pdf(&self, chances: [f32; 2], b: [f32; 3]) -> f32 {
         let half = usize::from(!self.is_up(b));
         let (mut pdf, mut rest) = (0.0, 1.0);

@@ -40,13 +40,13 @@ pub struct LitPlaces {
 }
 
 /// The functions of the light's direction.
-#[inline]
+#[inline(always)]
 pub fn functions([x, y, z]: [f32; 3]) -> [f32; FUNCTIONS] {
     [1.0, x, y, z.abs()]
 }
 
 /// Share of the map of clear fibers at an absorption.
-#[inline]
+#[inline(always)]
 pub fn clear_map_share(sigma_per_um: f32) -> f32 {
     const DARK: f32 = 1.0 / (1.0 + SIGMA_PER_UM[MAP_NODES[1]] * LENGTH_UM);
     let v = 1.0 / (1.0 + sigma_per_um.clamp(0.0, 1e6) * LENGTH_UM);
@@ -55,14 +55,14 @@ pub fn clear_map_share(sigma_per_um: f32) -> f32 {
 
 /// Angle about the ply's axis, in turns from the face of the cloth, at which the line of a hit enters the
 /// ply; `y` is the axis of the ply's frame towards the viewer ([`crate::cloth::geometry::frame`]).
-#[inline]
+#[inline(always)]
 pub fn angle_of(hit: &LineHit, y: [f32; 3]) -> f32 {
     let z = hit.tangent;
     let x = cross(y, z);
     let across = (hit.h_um / hit.radius_um).clamp(-1.0, 1.0);
     let towards = (1.0 - across * across).sqrt();
-    let n: [f32; 3] = std::array::from_fn(|i| towards * y[i] + across * x[i]);
-    crate::math::simd::atan2::<false>(n[0] * z[1] - n[1] * z[0], n[2]) / TAU
+    let n = |i: usize| towards * y[i] + across * x[i];
+    crate::math::simd::atan2::<false>(n(0) * z[1] - n(1) * z[0], n(2)) / TAU
 }
 
 impl LitPlaces {
@@ -76,7 +76,7 @@ impl LitPlaces {
     }
 
     /// Coefficients between the tables of two places, at an angle [turns].
-    #[inline]
+    #[inline(always)]
     pub fn at(&self, (tables, between): ([usize; 2], f32), angle: f32) -> Ratios {
         let (low, t) = floor_fraction((angle + 1.0) * ANGLES as f32);
         let angles = [low as usize % ANGLES, (low as usize + 1) % ANGLES];
@@ -86,14 +86,16 @@ impl LitPlaces {
             for (angle, share) in angles.into_iter().zip([1.0 - t, t]) {
                 let values = row[angle % ANGLES].as_flattened().as_flattened();
                 let share = place_share * share;
-                sum.iter_mut().zip(values).for_each(|(sum, value)| *sum += share * value);
+                for i in 0..RATIOS {
+                    sum[i] += share * values[i];
+                }
             }
         }
         ratios(&sum)
     }
 
     /// Mean coefficients over the cell for a viewer in direction `a`.
-    #[inline]
+    #[inline(always)]
     pub fn mean_at(&self, a: [f32; 3]) -> Ratios {
         let mut mean = [0.0; RATIOS];
         if let Some(of) = self.mean.get(usize::from(a[2] < 0.0)) {
@@ -118,16 +120,18 @@ pub(crate) struct RatiosOfPlies {
 }
 
 impl RatiosOfPlies {
-    #[inline]
+    #[inline(always)]
     pub(crate) fn add(&mut self, weight: f32, of: &Ratios) {
         let sums = self.sum.as_flattened_mut().as_flattened_mut();
-        sums.iter_mut().zip(of.as_flattened().as_flattened()).for_each(|(sum, value)| *sum += weight * value);
+        for (sum, value) in sums.iter_mut().zip(of.as_flattened().as_flattened()) {
+            *sum += weight * value;
+        }
         self.weight += weight;
     }
 
     /// Deviations from the mean over the cell, and these plies' share of `all` light that plies and hairs
     /// intercept.
-    #[inline]
+    #[inline(always)]
     pub(crate) fn deviations(&self, mean: &Ratios, all: f32) -> (Ratios, f32) {
         let per = 1.0 / all.max(self.weight).max(f32::MIN_POSITIVE);
         let mut of = self.sum;

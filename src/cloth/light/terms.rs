@@ -13,7 +13,7 @@ pub type Poly = [f32; TERMS];
 pub type Few = [f32; FEW];
 
 /// Evaluates the terms at a direction; z counts as |z|.
-#[inline]
+#[inline(always)]
 pub fn terms(w: [f32; 3]) -> Poly {
     let [x, y, z] = w;
     let z = z.abs();
@@ -22,13 +22,13 @@ pub fn terms(w: [f32; 3]) -> Poly {
 }
 
 /// Selects the terms used for ratios of energies, which depend little on the direction.
-#[inline]
+#[inline(always)]
 pub fn few(t: &Poly) -> Few {
     [t[0], t[1], t[2], t[3], t[4], t[5], t[8], t[9]]
 }
 
 /// Scalar product.
-#[inline]
+#[inline(always)]
 pub fn dot<const T: usize>(a: &[f32; T], b: &[f32; T]) -> f32 {
     // Four partial sums are independent lanes; the compiler cannot reorder floating-point sums itself.
     let mut sums = [0.0; 4];

@@ -9,8 +9,7 @@
 use crate::math::floor_fraction;
 use crate::math::simd::{max, min};
 use crate::math::vec3::dot;
-use crate::ply::{EXIT_KINDS, ExitDensity};
-use multiversion::multiversion;
+use crate::ply::{EXIT_KINDS, EXIT_OFFSETS, OffsetShares};
 use std::f32::consts::TAU;
 
 /// Number of bands of directions in each half of the sphere.
@@ -20,7 +19,7 @@ pub const ROWS: usize = BANDS + 1;
 /// Number of columns of azimuth.
 pub const COLUMNS: usize = 16;
 /// Number of offsets across a yarn.
-pub const OFFSETS: usize = 7;
+pub const OFFSETS: usize = EXIT_OFFSETS;
 /// Entries of a direction: the offsets, padded with zeros to a word.
 pub const LANES: usize = 8;
 /// The share that the entry 255 represents.
@@ -44,14 +43,14 @@ pub const MEAN_Z: [f32; BANDS] = [0.017678, 0.082322, 0.175568, 0.290118, 0.4225
 const PER_SQUARED_SINE: f32 = 1.0 / (1.0 - MEAN_Z[BANDS - 1] * MEAN_Z[BANDS - 1]);
 
 /// Position of z among the bands of a half, 0 to [`BANDS`]: the inverse of [`z_of`].
-#[inline]
+#[inline(always)]
 fn band_of(z: f32) -> f32 {
     (two_thirds(z) * BANDS as f32).min(BANDS as f32)
 }
 
 /// Approximates z^(2/3) for z from 0 to 1 with an error below 0.01: two Newton steps for the cube root of the
 /// square root, from a linear initial guess.
-#[inline]
+#[inline(always)]
 pub(crate) fn two_thirds(z: f32) -> f32 {
     let root = z.sqrt();
     let mut c = 0.4 + 0.6 * root;
@@ -81,7 +80,7 @@ pub struct Toward {
 
 impl Toward {
     /// Looks up the position of a unit direction.
-    #[inline]
+    #[inline(always)]
     pub fn new(b: [f32; 3]) -> Toward {
         let z = b[2].abs().min(1.0);
         let r = ((band_of(z) - 0.5).max(0.0) as usize).min(BANDS - 1);
@@ -102,16 +101,12 @@ impl Toward {
 }
 
 /// Probabilities of escape in a direction for each kind of light that leaves a ply, given its distribution
-/// across the ply. The ply's axis lies at `off`, in units of the ply's radius, from the yarn's; `scale` is
-/// the ply's radius over half of the yarn's width. The first and the last kind leave at `places[0]`, the
-/// other at `places[1]`.
-#[multiversion(targets("x86_64+avx2+bmi1+bmi2+fma"))]
-pub(crate) fn free<'a>(
-    places: &[ShadowsAt<'a>; 2],
+/// across the ply. The first and the last kind leave at `places[0]`, the other at `places[1]`.
+#[inline(always)]
+pub(crate) fn free(
+    places: &[ShadowsAt<'_>; 2],
     toward: &Toward,
-    exits: &[ExitDensity; EXIT_KINDS],
-    off: f32,
-    scale: f32,
+    exits: &[OffsetShares; EXIT_KINDS],
 ) -> [f32; EXIT_KINDS] {
     let mut sums = [[0.0f32; LANES]; 2];
     for (sum, place) in sums.iter_mut().zip(places) {
@@ -132,22 +127,10 @@ pub(crate) fn free<'a>(
             *sum = min(max(*sum * (MAX_SHARE / 255.0), 0.0), MAX_SHARE);
         }
     }
-    // Offsets across the yarn are mirrored offsets across the ply. Light beyond the yarn's width is assigned
-    // to its rim.
-    let per = 1.0 / scale;
-    let mut edges = [0.0f32; LANES];
-    for (o, edge) in edges.iter_mut().enumerate() {
-        *edge = off - per * (2.0 * o as f32 / OFFSETS as f32 - 1.0);
-    }
     let mut shares = [0.0; EXIT_KINDS];
     for (i, share) in shares.iter_mut().enumerate() {
-        let mut below = [0.0f32; LANES];
-        for (below, edge) in below.iter_mut().zip(&edges) {
-            *below = exits[i].below(*edge);
-        }
-        (below[0], below[OFFSETS]) = (1.0, 0.0);
-        for o in 0..OFFSETS {
-            *share += (below[o] - below[o + 1]) * sums[i % 2][o];
+        for o in 0..LANES {
+            *share += exits[i][o] * sums[i % 2][o];
         }
     }
     shares

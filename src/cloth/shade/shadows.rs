@@ -8,7 +8,7 @@
 use crate::cloth::geometry::lines::{ClothLines, LineHit};
 use crate::cloth::shade::shadow_table::{ALL_FREE, SIZE, ShadowsAt, Toward, free};
 use crate::math::floor_fraction;
-use crate::ply::{EXIT_KINDS, ExitLine};
+use crate::ply::{EXIT_KINDS, ExitLine, ExitShape};
 
 /// Distance along the curve, in ply radii, within which a hit on the ply that a line started from is ignored.
 const OWN: f32 = 2.5;
@@ -91,6 +91,7 @@ pub struct ClothShade<'a> {
 impl<'a> ClothShade<'a> {
     /// Prepares the shadows for a ply that a line from direction `a` hits; `counts` tells whether shadows
     /// apply in the half spaces, the one of incidence first.
+    #[inline(always)]
     pub fn new(shadows: &'a ClothShadows, hit: &LineHit, a: [f32; 3], counts: [bool; 2]) -> ClothShade<'a> {
         let places = shadows.curves[hit.curve as usize];
         ClothShade {
@@ -104,7 +105,7 @@ impl<'a> ClothShade<'a> {
     }
 
     /// Tables of the two places around the hit, and the position between them.
-    #[inline]
+    #[inline(always)]
     pub fn tables(&self) -> ([usize; 2], f32) {
         let (place, between) = floor_fraction(self.at);
         let table = |place: i32| {
@@ -114,6 +115,7 @@ impl<'a> ClothShade<'a> {
         ([table(place), table(place.wrapping_add(1))], between)
     }
 
+    #[inline(always)]
     fn at(&self, s: f32) -> ShadowsAt<'a> {
         let (place, between) = floor_fraction(self.at + s * self.per_radius);
         let count = self.places.count as i32;
@@ -127,14 +129,21 @@ impl<'a> ClothShade<'a> {
 
     /// Shares that escape in a direction of single reflection, of other light of clear fibers, and of other
     /// light of dark fibers; each leaves the ply along its line.
-    #[inline]
-    pub fn toward(&self, toward: &Toward, [refl, clear, dark]: [ExitLine; EXIT_KINDS]) -> [f32; EXIT_KINDS] {
+    #[inline(always)]
+    pub fn toward(
+        &self,
+        toward: &Toward,
+        shapes: &[ExitShape; EXIT_KINDS],
+        [refl, clear, dark]: [ExitLine; EXIT_KINDS],
+    ) -> [f32; EXIT_KINDS] {
         if !self.counts[usize::from(toward.b[2] * self.up_sign < 0.0)] {
             return [1.0; EXIT_KINDS];
         }
         // Single reflection and light of dark fibers leave at places close to each other and share one.
         let places = [self.at(0.5 * (refl.s + dark.s)), self.at(clear.s)];
-        free(&places, toward, &[refl.density, clear.density, dark.density], 0.0, 1.0)
+        let exits =
+            [shapes[0].at_offsets(refl.mean), shapes[1].at_offsets(clear.mean), shapes[2].at_offsets(dark.mean)];
+        free(&places, toward, &exits)
     }
 }
 

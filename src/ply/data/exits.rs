@@ -16,7 +16,7 @@
 use super::drift::ExitDrift;
 use crate::Result;
 use crate::io::{Check, Reader, Writer};
-use crate::math::simd::{exp2, max, min};
+use crate::math::simd::{exp2, max, min, signed, sin_cos_half_turns};
 use std::sync::LazyLock;
 
 /// Names of the tensors in a model file.
@@ -47,7 +47,7 @@ pub struct ExitOffsets {
 }
 
 /// Terms of the polynomial at an azimuth with the cosine x and the sine y.
-#[inline]
+#[inline(always)]
 pub fn exit_terms(x: f32, y: f32) -> [f32; EXIT_TERMS] {
     [1.0, x, y, x * y, x * x - y * y]
 }
@@ -109,6 +109,7 @@ impl ExitTables {
 
     /// Offsets at an incidence, bilinear between the nodes. A negative latitude is evaluated for the ply
     /// rotated about y.
+    #[inline(always)]
     pub(crate) fn at(&self, theta_i: f32, h_um: f32) -> ExitsAt {
         let (theta, h) = (theta_i.abs(), if theta_i < 0.0 { -h_um } else { h_um });
         let place = |x: f32, count: usize| {
@@ -145,8 +146,10 @@ impl ExitTables {
 /// Maximum tangent of a latitude, for light almost along a ply.
 const MAX_TAN: f32 = 6.0;
 
+#[inline(always)]
 fn tan(theta: f32) -> f32 {
-    theta.sin() / theta.cos().max(1.0 / MAX_TAN)
+    let (sin, cos, sign) = sin_cos_half_turns::<false>(std::f32::consts::FRAC_1_PI * theta);
+    signed(sin, sign) / max(signed(cos, sign), 1.0 / MAX_TAN)
 }
 
 /// Where light exits, in units of R. Its line is nearest to the ply's axis at a point `s` further along z
@@ -155,8 +158,8 @@ fn tan(theta: f32) -> f32 {
 pub struct ExitLine {
     /// Distance along z.
     pub s: f32,
-    /// Density of light of this kind over the offset t of its line from the axis, along `z cross w`.
-    pub density: ExitDensity,
+    /// Mean offset t of lines of this kind from the axis, along `z cross w`.
+    pub mean: f32,
 }
 
 /// Exit offsets at an incidence.
@@ -177,13 +180,13 @@ impl ExitsAt {
         ExitsAt { mean, tan: tan(theta_i) }
     }
 
-    /// Mean lines of the three kinds of light in a direction of the ply frame, for a model with these shapes.
+    /// Mean lines of the three kinds of light in a direction of the ply frame.
     ///
     /// The point P at which the light is scattered lies on the incident line, so `P_z = P_y tan theta_i`. The
     /// exit line is nearest to the axis at `s = P_z - (P_x x + P_y y) tan theta_o`. How far fibers carry
     /// light along the ply ([`ExitDrift`]) is left to those who follow it from ply to ply.
-    #[inline]
-    pub fn lines(&self, shapes: &[ExitShape; EXIT_KINDS], wo: [f32; 3]) -> [ExitLine; EXIT_KINDS] {
+    #[inline(always)]
+    pub fn lines(&self, wo: [f32; 3]) -> [ExitLine; EXIT_KINDS] {
         let squared = wo[0] * wo[0] + wo[1] * wo[1];
         let per = if squared > 1e-8 { 1.0 / squared.sqrt() } else { 0.0 };
         let (x, y) = (wo[0] * per, wo[1] * per);
@@ -199,13 +202,13 @@ impl ExitsAt {
             }
             let ([px, py], t) = ([-c[2], c[1]], min(max(sum, -1.0), 1.0));
             let s = py * self.tan - (px * x + py * y) * tan;
-            *line = ExitLine { s, density: shapes[kind].density(t) };
+            *line = ExitLine { s, mean: t };
         }
         lines
     }
 
     /// Weight v of the kind of clear fibers.
-    #[inline]
+    #[inline(always)]
     pub fn clear_share(sigma_per_um: f32) -> f32 {
         1.0 / (1.0 + EXIT_LENGTH_UM as f32 * sigma_per_um.clamp(0.0, 1e6))
     }
@@ -223,13 +226,51 @@ const MAX_MEAN: f32 = 0.97;
 pub struct ExitShape {
     /// Mode and length at the tabulated means, both in units of R.
     nodes: [[f32; 2]; MEANS],
+    /// Shares of the light at the offsets across the ply, at means from the minimum to the maximum.
+    shares: Vec<OffsetShares>,
 }
+
+/// Number of equal parts of a ply's width for which shares of light are tabulated.
+pub const EXIT_OFFSETS: usize = 7;
+/// Shares of light at these parts, from the offset 1 to -1, padded with a zero.
+pub type OffsetShares = [f32; EXIT_OFFSETS + 1];
+/// Number of means at which they are tabulated.
+const SHARES: usize = 257;
 
 impl ExitShape {
     /// The shape of a length in units of R, within [`EXIT_LENGTHS`].
     pub fn new(length: f64) -> ExitShape {
         let mean = |i: usize| f64::from(MAX_MEAN) * i as f64 / (MEANS - 1) as f64;
-        ExitShape { nodes: std::array::from_fn(|i| shape(mean(i), length).map(|v| v as f32)) }
+        let nodes = std::array::from_fn(|i| shape(mean(i), length).map(|v| v as f32));
+        let mut shape = ExitShape { nodes, shares: Vec::new() };
+        let shares = |i: usize| {
+            let density = shape.density(MAX_MEAN * (2.0 * i as f32 / (SHARES - 1) as f32 - 1.0));
+            let below = |o: usize| match o {
+                0 => 1.0,
+                EXIT_OFFSETS => 0.0,
+                _ => density.below(1.0 - 2.0 * o as f32 / EXIT_OFFSETS as f32),
+            };
+            let mut shares = [0.0; EXIT_OFFSETS + 1];
+            (0..EXIT_OFFSETS).for_each(|o| shares[o] = below(o) - below(o + 1));
+            shares
+        };
+        shape.shares = (0..SHARES).map(shares).collect();
+        shape
+    }
+
+    /// Shares of the light at the offsets across the ply, for a mean offset in units of R.
+    #[inline(always)]
+    pub(crate) fn at_offsets(&self, mean: f32) -> OffsetShares {
+        const PER: f32 = 0.5 * (SHARES - 1) as f32 / MAX_MEAN;
+        let x = (min(max(mean, -MAX_MEAN), MAX_MEAN) + MAX_MEAN) * PER;
+        let node = (x as usize).min(SHARES - 2);
+        let (mut shares, s) = ([0.0; EXIT_OFFSETS + 1], x - node as f32);
+        if let Some([low, high]) = self.shares.get(node..).and_then(|rows| rows.first_chunk::<2>()) {
+            for o in 0..=EXIT_OFFSETS {
+                shares[o] = low[o] + s * (high[o] - low[o]);
+            }
+        }
+        shares
     }
 
     /// Shapes of the [usual lengths](USUAL_EXIT_LENGTHS).
@@ -245,8 +286,8 @@ impl ExitShape {
     }
 
     /// The density with this mean.
-    #[inline(always)]
-    pub(crate) fn density(&self, mean: f32) -> ExitDensity {
+    #[inline]
+    pub fn density(&self, mean: f32) -> ExitDensity {
         const PER: f32 = (MEANS - 1) as f32 / MAX_MEAN;
         let x = min(mean.abs(), MAX_MEAN) * PER;
         let node = (x as usize).min(MEANS - 2);
@@ -353,6 +394,26 @@ mod tests {
         }
     }
 
+    /// Tabulated shares are those of the density.
+    #[test]
+    fn shares_are_those_of_the_density() {
+        for length in [EXIT_LENGTHS[0], 0.13, 0.65, EXIT_LENGTHS[1]] {
+            let shape = ExitShape::new(length);
+            let mut worst = 0.0f32;
+            for i in 0..=4000 {
+                let mean = i as f32 / 2000.0 - 1.0;
+                let shares = shape.at_offsets(mean);
+                assert!((shares.iter().sum::<f32>() - 1.0).abs() < 1e-5, "{length}, {mean}: {shares:?}");
+                for (o, share) in shares[..EXIT_OFFSETS].iter().enumerate() {
+                    let edge = |o: usize| shape.share_below(mean, 1.0 - 2.0 * o as f32 / EXIT_OFFSETS as f32);
+                    worst = worst.max((share - (edge(o) - edge(o + 1))).abs());
+                }
+            }
+            println!("{length}: {worst:.1e}");
+            assert!(worst < if length < 0.1 { 0.05 } else { 3e-3 }, "{length}: {worst}");
+        }
+    }
+
     /// A point of the cross section, seen from a rotated ply, is the rotated point.
     #[test]
     fn negative_latitudes_are_turned() {
@@ -367,12 +428,13 @@ mod tests {
             shapes: USUAL_EXIT_LENGTHS.map(ExitShape::new),
         };
         for (h, w) in [(0.5, [0.6, 0.3, 0.2]), (-0.2, [-0.3, -0.8, 0.1f32])] {
-            let one = tables.at(0.4, h).lines(&tables.shapes, w);
-            let turned = tables.at(-0.4, -h).lines(&tables.shapes, [-w[0], w[1], -w[2]]);
-            for (a, b) in one.iter().zip(turned) {
+            let one = tables.at(0.4, h).lines(w);
+            let turned = tables.at(-0.4, -h).lines([-w[0], w[1], -w[2]]);
+            for ((a, b), shape) in one.iter().zip(turned).zip(&tables.shapes) {
                 assert!((a.s + b.s).abs() < 1e-6, "{a:?} {b:?}");
                 for t in [-0.6, 0.1, 0.7] {
-                    assert!((a.density.below(t) + b.density.below(-t) - 1.0).abs() < 1e-5, "{a:?} {b:?}");
+                    let all = shape.share_below(a.mean, t) + shape.share_below(b.mean, -t);
+                    assert!((all - 1.0).abs() < 1e-5, "{a:?} {b:?}");
                 }
             }
         }

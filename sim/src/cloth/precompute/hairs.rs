@@ -30,8 +30,8 @@ use std::f64::consts::{PI, TAU};
 const HAIRS: f64 = 4000.0;
 const MAX_CELLS: usize = 4096;
 const SEED: u64 = 0x68_6169;
-/// Size of a texel of the tile of hairs over the radius of a hair, and parts of a texel along each side that are
-/// drawn.
+/// Size of a texel of the tile of hairs over the radius of a hair, and parts of a texel along each side
+/// that are drawn.
 const TEXEL: f64 = 0.8;
 const FINER: usize = 3;
 /// Number of rays for each kind and view.
@@ -135,8 +135,8 @@ pub(super) fn hair_layer(
     Ok(Some(HairLayer::new(area, nodes, field)))
 }
 
-/// A visible piece of a hair: where it starts, its step, its radius [um], and the share of it that plies do not
-/// occlude.
+/// A visible piece of a hair: where it starts, its step, its radius [um], and the share of it that plies do
+/// not occlude.
 type Stroke = ([f64; 3], [f64; 3], f64, f64);
 
 /// Draws the hairs of a tile of cells, as they are seen along the normal of the face and of the back.

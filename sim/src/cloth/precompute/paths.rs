@@ -142,7 +142,7 @@ impl Escaped {
                 let Some((w, light)) = ply.sample(u) else { continue };
                 let d = to_cloth(w);
                 let free =
-                    shade.toward(&Toward::new(d), exits.lines(model.exit_shapes(), w)).map(|free| free * passes(d));
+                    shade.toward(&Toward::new(d), model.exit_shapes(), exits.lines(w)).map(|free| free * passes(d));
                 let (clear, per) = (light.refl[0] + light.high[0], per_sample / light.pdf);
                 for k in 0..SIGMAS {
                     let share = clear_shares[k];
@@ -163,7 +163,7 @@ impl Escaped {
             let (w, light) = ply.sample([number(), number(), number()])?;
             (number() * light.pdf <= (light.refl[0] + light.high[0]) * per_mean).then_some((w, light))
         })?;
-        let (lines, [refl, high]) = (exits.lines(model.exit_shapes(), w), [light.refl[0], light.high[0]]);
+        let (lines, [refl, high]) = (exits.lines(w), [light.refl[0], light.high[0]]);
         *d = to_cloth(w);
         if self.orders == 0 {
             self.sent_up = d[2] * a[2] > 0.0;
@@ -171,7 +171,7 @@ impl Escaped {
         }
         self.orders += 1;
         self.kinds |= 1 << kind;
-        let density = |kind: usize| lines[kind].density;
+        let density = |kind: usize| model.exit_shapes()[kind].density(lines[kind].mean);
         if number() * (refl + high) < refl {
             return Some((density(0).draw(number()), lines[0].s));
         }
