@@ -26,6 +26,7 @@ use crate::cloth::light::inter_yarn::{CLASSES, CLASSES_A_KIND, InterYarn, PLY_CL
 use crate::cloth::light::lit_places::{RatiosOfPlies, angle_of};
 use crate::cloth::query::{ClothOptions, ClothQuery, GapLight, in_pattern};
 use crate::cloth::shade::shadows::{ClothShade, ClothShadows};
+use crate::cloth::shade::splines;
 use crate::cloth::yarn_look::Slits;
 use crate::cloth::{Channels, ClothData, ColorOf, YarnColor};
 use crate::color::AlbedoCurve;
@@ -407,7 +408,10 @@ fn fill<'a, const N: usize>(of: &'a ClothModel, query: &ClothQuery<'a, N>, at: &
     let is_uneven = !of.inter_yarn.places.is_even();
     let mut ratios = RatiosOfPlies::default();
     let hairs = of.hairs.as_deref();
-    let hairs = hairs.map(|layer| (layer, Some(HairsHere::new(&layer.field, even_um, query.footprint_um))));
+    let hairs = hairs.map(|layer| {
+        let here = |field| HairsHere::new(field, even_um, query.footprint_um);
+        (layer, layer.field.as_ref().map(here))
+    });
     if let Some((layer, here)) = &hairs {
         at.passing = 1.0 - layer.seen(usize::from(wo[2] < 0.0), wo, here.as_ref());
     }
@@ -496,9 +500,10 @@ fn fill<'a, const N: usize>(of: &'a ClothModel, query: &ClothQuery<'a, N>, at: &
         }
     }
     if count > 0 {
-        of.inter_yarn.at_into(wo, &firsts[..count], sigma_per_um, of.sent_factors(), &mut at.inter_yarn);
+        let splines = splines::At::new(wo);
+        of.inter_yarn.at_into((wo, &splines), &firsts[..count], sigma_per_um, of.sent_factors(), &mut at.inter_yarn);
         if is_uneven {
-            let (deviations, share) = ratios.deviations(&of.inter_yarn.places.mean_at(wo), 1.0 - at.passing);
+            let (deviations, share) = ratios.deviations(&of.inter_yarn.places.mean_at(wo, &splines), 1.0 - at.passing);
             at.inter_yarn.set_place(&of.inter_yarn, (&deviations, share), sigma_per_um[first]);
         }
     }

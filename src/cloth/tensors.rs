@@ -165,8 +165,10 @@ impl ClothModel {
             f32s("hair_area", &[2, 2, HAIR_COSINES], hairs.area.as_flattened().as_flattened().to_vec());
             let shape = [2, HAIR_COSINES, 2 * HAIR_COSINES, HAIR_AZIMUTHS, SIGMAS];
             f32s("hair_scatter", &shape, hairs.scatter.as_flattened().to_vec());
-            let numbers = hairs.field.tables().1;
-            f32s("hair_field", &[numbers.len()], numbers);
+            if let Some(field) = &hairs.field {
+                let numbers = field.tables().1;
+                f32s("hair_field", &[numbers.len()], numbers);
+            }
         }
         if let Some(far) = &self.far {
             let ([f, chances, energy, first, passing], _) = far.numbers();
@@ -181,8 +183,8 @@ impl ClothModel {
             let openings = far.numbers().1;
             add("far_apertures", &[far_grid::VIEWS, far_grid::OPENING_NUMBERS], Values::U32(openings));
         }
-        if let Some(hairs) = &self.hairs {
-            let texels = hairs.field.tables().0;
+        if let Some(field) = self.hairs.as_ref().and_then(|hairs| hairs.field.as_ref()) {
+            let texels = field.tables().0;
             add("hair_cover", &[texels.len()], Values::U32(texels.to_vec()));
         }
         for (name, dyes) in ["dyes_0", "dyes_1"].into_iter().zip(of_yarns).take(kinds) {

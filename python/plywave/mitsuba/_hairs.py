@@ -9,7 +9,7 @@ from ._inter_yarn import SIGMAS, sigma_nodes
 from ._kit import clamp
 
 # src/cloth/light/hair_field.rs
-TEXELS, LAYERS = 1024, 4
+LAYERS = 4
 SHADOW, MIN_HEIGHT_COSINE = (0.371, 0.619), 0.2
 
 TAU = 2.0 * math.pi
@@ -28,6 +28,9 @@ class Hairs:
         self.area, self.scatter = kit.floats(area), kit.floats(scatter)
         field = [float(x) for x in tensors["hair_field"]]
         self.cover, self.means = kit.words(tensors["hair_cover"]), kit.floats(field[: 2 * LAYERS])
+        # A side has the texels of all levels, down to one.
+        self.of_side = len(tensors["hair_cover"]) // 2
+        self.texels = round(math.sqrt((3 * self.of_side + 1) / 4))
         self.per_um = [field[8:10], field[10:12]]
         self.texel_um, self.heights = field[12], field[13:15]
         # Energies scattered to the viewer's side and to the other side, by kind and cosine of the viewer.
@@ -64,7 +67,7 @@ class Hairs:
         """The hairs about a point of the even cloth, for a footprint (``HairsHere``)."""
         detach = dr.detach if self.kit.jit else (lambda x: x)
         place = [detach(row[0] * at_um[0] + row[1] * at_um[1]) for row in self.per_um]
-        size = clamp(self.kit.float(detach(footprint_um)) * (0.5 / self.texel_um), 1.0, TEXELS)
+        size = clamp(self.kit.float(detach(footprint_um)) * (0.5 / self.texel_um), 1.0, self.texels)
         return {"place": place, "level": dr.log2(size)}
 
     def covered(self, here, side, w, probability, is_shadow):
@@ -83,14 +86,14 @@ class Hairs:
         place = [p + m + (shift if is_shadow else 0.0) for p, m, shift in zip(here["place"], moved, SHADOW)]
         fine = dr.floor(here["level"])
         level = kit.uint(fine)
-        values = [self.bilinear(side, place, dr.minimum(level + i, kit.uint(10)), above, share) for i in range(2)]
+        values = [self.bilinear(side, place, dr.minimum(level + i, kit.uint(self.texels.bit_length() - 1)), above, share) for i in range(2)]
         return values[0] + (here["level"] - fine) * (values[1] - values[0])
 
     def bilinear(self, side, place, level, above, share):
         kit = self.kit
-        size = kit.uint(TEXELS) >> level
-        squares = TEXELS * TEXELS - size * size
-        first = side * ((4 * TEXELS * TEXELS - 1) // 3) + (squares // 3) * 4
+        size = kit.uint(self.texels) >> level
+        squares = self.texels * self.texels - size * size
+        first = side * self.of_side + (squares // 3) * 4
         corners = []
         for p in place:
             at = (p - dr.floor(p)) * kit.float(size) - 0.5

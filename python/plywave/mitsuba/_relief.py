@@ -49,7 +49,9 @@ class Relief(Words):
             contrasts.append(dr.select(wide > most, most / dr.maximum(wide, 1e-30), 1.0))
             widths.append(dr.maximum(dr.minimum(wide, most), 1e-6))
             offsets.append(clamp(h_um - part * fiber * sine, -ring, ring))
-        row = lambda end: (azimuth - about_asin(end / dr.maximum(ring, 1e-6))) / apart - 0.5
+        sine = lambda end: clamp(end / dr.maximum(ring, 1e-6), -1.0, 1.0)
+        asin = lambda x: dr.atan2(x, dr.sqrt(1.0 - x * x))
+        row = lambda end: (azimuth - asin(sine(end))) / apart - 0.5
         first = dr.ceil(row(dr.maximum(*(x + width for x, width in zip(offsets, widths)))) - JITTER)
         last = dr.floor(row(dr.minimum(*(x - width for x, width in zip(offsets, widths)))) + JITTER)
         last = dr.minimum(last, first + count - 1.0)
@@ -86,10 +88,3 @@ class Relief(Words):
             factors.append(dr.select(kit.both(has, contrast > LEAST), 1.0 + contrast * (m - 1.0), 1.0))
         return factors
 
-
-def about_asin(sine):
-    """Arc sine within 7e-5 of a number clamped to [-1, 1]."""
-    x = dr.minimum(dr.abs(sine), 1.0)
-    p = 1.5707288 + x * (-0.2121144 + x * (0.074261 - 0.0187293 * x))
-    asin = 0.5 * math.pi - dr.sqrt(1.0 - x) * p
-    return dr.select(sine < 0.0, -asin, asin)

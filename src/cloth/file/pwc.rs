@@ -241,10 +241,11 @@ impl Document for ClothData {
             let area = hairs.area.as_flattened().as_flattened().iter().copied();
             w.f32("hair_area", &[2, 2, HAIR_COSINES], area);
             w.f32("hair_scatter", &HAIR_SHAPE, hairs.scatter.as_flattened().iter().copied());
-            let field = &hairs.field;
-            let tile = field.cells.map(|cells| cells as f32).into_iter().chain(field.height_um);
-            w.f32("hair_tile", &[4], tile);
-            w.u8("hair_cover", &[2, HAIR_TEXELS, HAIR_TEXELS / 2], &field.shares());
+            if let Some(field) = &hairs.field {
+                let tile = field.cells.map(|cells| cells as f32).into_iter().chain(field.height_um);
+                w.f32("hair_tile", &[4], tile);
+                w.u8("hair_cover", &[2, HAIR_TEXELS, HAIR_TEXELS / 2], &field.shares());
+            }
         }
         w.f64("albedo", &[color_of::NODES], &self.brightness.even_sky);
         w.f64("albedo_reflected", &[color_of::NODES], &self.brightness.reflected);
@@ -323,7 +324,9 @@ impl Document for ClothData {
                 ([tile[0] as u32, tile[1] as u32].map(|cells| cells.clamp(1, MAX_CELLS)), [tile[2], tile[3]]);
             let cover = r.u8("hair_cover", &[2, HAIR_TEXELS, HAIR_TEXELS / 2])?;
             let field = HairField::new(&curves.lattice(r.file())?, cells, heights, &cover);
-            Some(HairLayer::new(area, rows::<SIGMAS>(r.f32("hair_scatter", &HAIR_SHAPE)?), field))
+            let mut layer = HairLayer::new(area, rows::<SIGMAS>(r.f32("hair_scatter", &HAIR_SHAPE)?));
+            layer.field = Some(field);
+            Some(layer)
         } else {
             None
         };
@@ -391,7 +394,9 @@ impl Document for ClothData {
         if let Some(hairs) = &self.hairs {
             c.range_f32("hair_area", hairs.area.as_flattened().as_flattened(), 0.0, 1e3)?;
             c.range_f32("hair_scatter", hairs.scatter.as_flattened(), 0.0, 1e3)?;
-            c.range_f32("hair_tile", &hairs.field.height_um, -1e5, 1e5)?;
+            if let Some(field) = &hairs.field {
+                c.range_f32("hair_tile", &field.height_um, -1e5, 1e5)?;
+            }
         }
         c.range("albedo", &self.brightness.even_sky, 0.0, 1.0)?;
         c.range("albedo_reflected", &self.brightness.reflected, 0.0, 1.0)?;

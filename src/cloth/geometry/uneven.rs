@@ -105,7 +105,7 @@ impl Uneven {
     }
 
     /// The point of the even cloth [um] that appears at a point of the uneven cloth.
-    #[inline]
+    #[inline(always)]
     pub fn place(&self, at_um: [f32; 2]) -> [f32; 2] {
         let mut to = at_um;
         for kind in &self.kinds {
@@ -124,6 +124,7 @@ impl UnevenKind {
     }
 
     /// Displacement across the yarns of the cloth that appears at a point [um].
+    #[inline(always)]
     fn shift_um(&self, [x, y]: [f32; 2]) -> f32 {
         let [a, b] = self.across;
         let (u, along) = ((x * a + y * b - self.start_um) / self.pitch_um, (y * a - x * b) / self.length_um);
@@ -132,6 +133,7 @@ impl UnevenKind {
     }
 
     /// D at a coordinate across the yarns, in pitches.
+    #[inline(always)]
     fn off(&self, u: f32, along: f32) -> f32 {
         let (yarn, t) = floor_fraction(u);
         let [(from, rise), (to, fall)] = [yarn, yarn.wrapping_add(1)].map(|yarn| self.values(yarn, along));
@@ -141,6 +143,7 @@ impl UnevenKind {
     }
 
     /// D and its slope at a yarn, `along` lengths from the origin.
+    #[inline(always)]
     fn values(&self, yarn: i32, along: f32) -> (f32, f32) {
         let row = mix32(self.seed ^ yarn as u32);
         let (stretch, t) = floor_fraction(along + row as f32 * (1.0 / 4_294_967_296.0));
@@ -154,6 +157,7 @@ impl UnevenKind {
 }
 
 /// Two numbers of mean 0 and variance 1 from a hash, within 2.45.
+#[inline(always)]
 fn deviates(hash: u32) -> [f32; 2] {
     let part = |shift: u32| ((hash >> shift) & 0xff) as f32 * (1.0 / 255.0);
     [0, 16].map(|shift| PER_DEVIATION * (part(shift) + part(shift + 8) - 1.0))

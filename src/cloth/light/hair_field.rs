@@ -69,7 +69,7 @@ impl HairField {
             let mut layers: Vec<Vec<f32>> = Vec::new();
             for i in 0..LAYERS {
                 for (texel, share) in level.iter_mut().zip(&layer) {
-                    texel[i] = (255.0 * share).round() as u8;
+                    texel[i] = (255.0 * share + 0.5) as u8;
                 }
                 mean[i] = (level.iter().map(|texel| f64::from(texel[i])).sum::<f64>() / (255 * N * N) as f64) as f32;
                 layers.push(layer.clone());
@@ -90,7 +90,7 @@ impl HairField {
                 layers = layers.iter().map(|of| halved(of, size)).collect();
                 texels.extend(
                     (0..size * size)
-                        .map(|i| u32::from_le_bytes(std::array::from_fn(|k| (255.0 * layers[k][i]).round() as u8))),
+                        .map(|i| u32::from_le_bytes(std::array::from_fn(|k| (255.0 * layers[k][i] + 0.5) as u8))),
                 );
             }
         }
@@ -113,10 +113,12 @@ impl HairField {
 
     /// Share of the light along a line that hits hairs of a side at a place of the tile; `probability` is its
     /// mean over the cloth.
-    #[inline]
+    #[inline(always)]
     fn covered(&self, side: usize, place: [f32; 2], level: f32, probability: f32) -> f32 {
-        let means = &self.means[side];
-        let above = means.iter().take_while(|mean| **mean < probability).count();
+        let (means, mut above) = (&self.means[side], 0);
+        for mean in means {
+            above += usize::from(*mean < probability);
+        }
         let low = if above > 0 { means[above - 1] } else { 0.0 };
         let high = if above < LAYERS { means[above] } else { 1.0 };
         let share = if high > low { (probability - low) / (high - low) } else { 1.0 };
@@ -127,24 +129,27 @@ impl HairField {
         if rest > 0.0 && fine as u32 + 1 < LEVELS { value + rest * (at(fine as u32 + 1) - value) } else { value }
     }
 
-    #[inline]
+    #[inline(always)]
     fn bilinear(&self, side: usize, place: [f32; 2], level: u32, above: usize, share: f32) -> f32 {
         let size = HAIR_TEXELS >> level;
         let texels = &self.texels[first(side, level)..][..size * size];
-        let [(x, s), (y, t)] = place.map(|p| {
+        let at = |p: f32| {
             let at = (p - p.floor()) * size as f32 - 0.5;
             (at.floor() as i32, at - at.floor())
-        });
-        let mask = size as i32 - 1;
-        let value = |x: i32, y: i32| {
-            let texel = texels[(y & mask) as usize * size + (x & mask) as usize];
-            // Before the layers comes nothing, and behind them all.
-            let bytes = (u64::from(texel) << 8 | 0xFF << 40) >> (8 * above);
-            let [low, high] = [bytes & 0xFF, bytes >> 8 & 0xFF].map(|byte| byte as f32);
-            low + share * (high - low)
         };
-        let [below, over] = [y, y + 1].map(|y| value(x, y) + s * (value(x + 1, y) - value(x, y)));
-        (below + t * (over - below)) * (1.0 / 255.0)
+        let ((x, s), (y, t), mask) = (at(place[0]), at(place[1]), size as i32 - 1);
+        let mut sum = 0.0;
+        for (dy, t) in [(0, 1.0 - t), (1, t)] {
+            let row = (y + dy & mask) as usize * size;
+            for (dx, s) in [(0, 1.0 - s), (1, s)] {
+                let texel = texels[row + (x + dx & mask) as usize];
+                // Before the layers comes nothing, and behind them all.
+                let bytes = (u64::from(texel) << 8 | 0xFF << 40) >> (8 * above);
+                let (low, high) = ((bytes & 0xFF) as f32, (bytes >> 8 & 0xFF) as f32);
+                sum += t * s * (low + share * (high - low));
+            }
+        }
+        sum * (1.0 / 255.0)
     }
 
     pub(crate) fn memory_bytes(&self) -> usize {
@@ -187,21 +192,21 @@ impl<'a> HairsHere<'a> {
     }
 
     /// Place in the tile at which a line in direction `w` passes the hairs of a side.
-    #[inline]
+    #[inline(always)]
     fn passed(&self, side: usize, w: [f32; 3]) -> [f32; 2] {
         let way = self.field.height_um[side] / w[2].abs().max(MIN_COSINE).copysign(w[2]);
-        let [u, v] = self.field.per_um.map(|row| way * (row[0] * w[0] + row[1] * w[1]));
-        [self.place[0] + u, self.place[1] + v]
+        let [u, v] = self.field.per_um;
+        [self.place[0] + way * (u[0] * w[0] + u[1] * w[1]), self.place[1] + way * (v[0] * w[0] + v[1] * w[1])]
     }
 
     /// Share of the light to the viewer, in direction `a`, that hairs of a side intercept.
-    #[inline]
+    #[inline(always)]
     pub(crate) fn seen(&self, side: usize, a: [f32; 3], probability: f32) -> f32 {
         self.field.covered(side, self.passed(side, a), self.level, probability)
     }
 
     /// Share of the light of plies in direction `b` that hairs of a side intercept.
-    #[inline]
+    #[inline(always)]
     pub(crate) fn shadow(&self, side: usize, b: [f32; 3], probability: f32) -> f32 {
         let [u, v] = self.passed(side, b);
         self.field.covered(side, [u + SHADOW[0], v + SHADOW[1]], self.level, probability)

@@ -27,6 +27,8 @@ pub const HAIR_AZIMUTHS: usize = 12;
 pub const HAIR_NODES: usize = HAIR_COSINES * 2 * HAIR_COSINES * HAIR_AZIMUTHS;
 /// Smallest cosine; lines closer to the plane hit as many hairs as at this cosine.
 const MIN_COSINE: f32 = 1e-3;
+/// Share of the light that reaches a layer, below which its hairs count as even.
+const MIN_ARRIVES: f32 = 1e-3;
 
 /// Hair layers over the face and the back.
 #[derive(Clone, Debug)]
@@ -38,13 +40,13 @@ pub struct HairLayer {
     pub scatter: Vec<[f32; SIGMAS]>,
     /// `[kind][view][to the viewer's side, total][absorption]`: integrals of the densities.
     energies: Vec<[[f32; SIGMAS]; 2]>,
-    /// Where the hairs lie.
-    pub field: HairField,
+    /// Where the hairs lie; `None` if they are even over the cloth.
+    pub field: Option<HairField>,
 }
 
 /// Interpolates at `x` between the centers of `parts` unit intervals: index of the center below, and weight
 /// of the next.
-#[inline]
+#[inline(always)]
 fn part(x: f32, parts: usize) -> (usize, f32) {
     let x = (x - 0.5).max(0.0).min((parts - 1) as f32);
     let at = (x as usize).min(parts - 2);
@@ -52,22 +54,23 @@ fn part(x: f32, parts: usize) -> (usize, f32) {
 }
 
 impl HairLayer {
-    /// Builds the layers from their areas, `2 HAIR_NODES` densities, and the places of the hairs.
-    pub fn new(area: [[[f32; HAIR_COSINES]; 2]; 2], scatter: Vec<[f32; SIGMAS]>, field: HairField) -> HairLayer {
+    /// Builds even layers from their areas and `2 HAIR_NODES` densities.
+    pub fn new(area: [[[f32; HAIR_COSINES]; 2]; 2], scatter: Vec<[f32; SIGMAS]>) -> HairLayer {
         let per_node = TAU / (HAIR_COSINES * HAIR_AZIMUTHS) as f32;
         let sum = |nodes: &[[f32; SIGMAS]]| std::array::from_fn(|k| per_node * nodes.iter().map(|p| p[k]).sum::<f32>());
         let half = HAIR_COSINES * HAIR_AZIMUTHS;
         let energies = scatter.chunks_exact(2 * half).map(|of| [sum(&of[half..]), sum(of)]).collect();
-        HairLayer { area, scatter, energies, field }
+        HairLayer { area, scatter, energies, field: None }
     }
 
     /// `[kind]`: mean number of hairs that a line with this cosine to the normal hits on a side; side 0 is
     /// the face.
-    #[inline]
+    #[inline(always)]
     pub fn depth(&self, side: usize, cosine: f32) -> [f32; 2] {
         let z = cosine.abs().clamp(MIN_COSINE, 1.0);
         let (i, s) = part(z * HAIR_COSINES as f32, HAIR_COSINES);
-        self.area[side].map(|area| (area[i] + s * (area[i + 1] - area[i])) / z)
+        let [first, second] = &self.area[side];
+        [(first[i] + s * (first[i + 1] - first[i])) / z, (second[i] + s * (second[i + 1] - second[i])) / z]
     }
 
     /// Probability that light in direction `b` passes the hairs of the side on which it leaves.
@@ -77,7 +80,7 @@ impl HairLayer {
     }
 
     /// Probability that a line with this cosine to the normal hits a hair of a side.
-    #[inline]
+    #[inline(always)]
     fn hits(&self, side: usize, cosine: f32) -> f32 {
         let [first, second] = self.depth(side, cosine);
         -(-first - second).exp_m1()
@@ -85,7 +88,7 @@ impl HairLayer {
 
     /// Share of the light to a viewer in direction `a` that hairs of a side intercept, at a point or in the
     /// mean over the cloth.
-    #[inline]
+    #[inline(always)]
     pub(crate) fn seen(&self, side: usize, a: [f32; 3], here: Option<&HairsHere<'_>>) -> f32 {
         let hits = self.hits(side, a[2]);
         here.map_or(hits, |here| here.seen(side, a, hits))
@@ -93,7 +96,7 @@ impl HairLayer {
 
     /// `[absorption]`: density [1/sr] of the light that a hair of a kind scatters, for a viewer at cosine
     /// `view` and light at cosine `light` (negative on the other side) and relative `azimuth` [rad].
-    #[inline]
+    #[inline(always)]
     pub fn scattered(&self, kind: usize, view: f32, light: f32, azimuth: f32) -> [f32; SIGMAS] {
         let (i, s) = part(view.abs() * HAIR_COSINES as f32, HAIR_COSINES);
         let (j, t) = part((light + 1.0) * HAIR_COSINES as f32, 2 * HAIR_COSINES);
@@ -105,7 +108,9 @@ impl HairLayer {
                 for (m, u) in [(m, 1.0 - u), (m + 1, u)] {
                     let share = s * t * u;
                     let of = &self.scatter[first + (i * 2 * HAIR_COSINES + j) * HAIR_AZIMUTHS + m];
-                    (0..SIGMAS).for_each(|k| sum[k] += share * of[k]);
+                    for k in 0..SIGMAS {
+                        sum[k] += share * of[k];
+                    }
                 }
             }
         }
@@ -129,12 +134,14 @@ impl HairLayer {
     }
 
     pub(crate) fn memory_bytes(&self) -> usize {
-        size_of_val(self.scatter.as_slice()) + size_of_val(self.energies.as_slice()) + self.field.memory_bytes()
+        size_of_val(self.scatter.as_slice())
+            + size_of_val(self.energies.as_slice())
+            + self.field.as_ref().map_or(0, HairField::memory_bytes)
     }
 }
 
 /// Angle between the azimuths of two directions [rad], 0 to pi; pi / 2 if either direction is the normal.
-#[inline]
+#[inline(always)]
 pub fn azimuth(a: [f32; 3], b: [f32; 3]) -> f32 {
     let lengths = ((a[0] * a[0] + a[1] * a[1]) * (b[0] * b[0] + b[1] * b[1])).sqrt();
     if lengths < 1e-12 {
@@ -208,9 +215,13 @@ impl<'a, const N: usize> HairsAt<'a, N> {
         let sides = [(viewer, 1.0), (1 - viewer, passing)].map(|(side, arrives)| {
             let depth = layer.depth(side, a[2]);
             let all = depth[0] + depth[1];
-            let covered = layer.seen(side, a, here.as_ref());
+            let hits = -(-all).exp_m1();
+            // The other layer counts only where light arrives.
+            let covered = match &here {
+                Some(here) if arrives > MIN_ARRIVES => here.seen(side, a, hits),
+                _ => hits,
+            };
             let hit = arrives * covered;
-            let hits = layer.hits(side, a[2]);
             let arrives = if hits > 0.0 { hit / hits } else { 0.0 };
             let (mut energy, mut out) = ([[0.0; N]; 2], [0.0; N]);
             for kind in 0..2 {
@@ -259,7 +270,7 @@ impl<'a, const N: usize> HairsAt<'a, N> {
     }
 
     /// Adds the light that hairs scatter towards `b` on their side of the cloth.
-    #[inline]
+    #[inline(always)]
     pub(crate) fn add(&self, b: [f32; 3], f: &mut [f32; N]) {
         let behind = self.behind(b);
         let of = &self.sides[behind];
@@ -279,7 +290,7 @@ impl<'a, const N: usize> HairsAt<'a, N> {
     }
 
     /// Share of a ply's light in direction `b` that passes the hairs.
-    #[inline]
+    #[inline(always)]
     pub(crate) fn free(&self, b: [f32; 3]) -> f32 {
         let side = usize::from(b[2] < 0.0);
         let hits = self.layer.hits(side, b[2]);
@@ -302,7 +313,7 @@ impl<'a, const N: usize> HairsAt<'a, N> {
 }
 
 /// Interpolates between nodes of absorption.
-#[inline]
+#[inline(always)]
 fn interpolate(of: &[f32; SIGMAS], (node, share): (usize, f32)) -> f32 {
     let [low, high] = [of[node % SIGMAS], of[(node + 1) % SIGMAS]];
     low + share * (high - low)
@@ -311,8 +322,6 @@ fn interpolate(of: &[f32; SIGMAS], (node, share): (usize, f32)) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::cloth::Lattice;
-    use crate::cloth::light::hair_field::HAIR_TEXELS;
 
     /// The closed forms of light scattered once equal the integral over the depth for isotropic hairs.
     #[test]
@@ -337,9 +346,7 @@ mod tests {
     fn energies_are_integrals() {
         let node = |i: usize| (i as f32 * 0.37).sin().abs();
         let scatter = (0..2 * HAIR_NODES).map(|i| std::array::from_fn(|k| node(i) / (1.0 + k as f32))).collect();
-        let lattice = Lattice::new([[1e3, 0.0], [0.0, 1e3]]).expect("a lattice");
-        let field = HairField::new(&lattice, [1; 2], [0.0; 2], &vec![0; HAIR_TEXELS * HAIR_TEXELS]);
-        let layer = HairLayer::new([[[0.2; HAIR_COSINES]; 2]; 2], scatter, field);
+        let layer = HairLayer::new([[[0.2; HAIR_COSINES]; 2]; 2], scatter);
         for view in [1.0 / 16.0, 5.0 / 16.0, 15.0 / 16.0] {
             let [up, all] = layer.energies(1, view);
             let per = TAU / (HAIR_COSINES * HAIR_AZIMUTHS) as f32;

@@ -179,15 +179,15 @@ impl InterYarn {
         sent: [f32; 2],
     ) -> InterYarnAt<'a, N> {
         let mut at = InterYarnAt::none(a);
-        self.at_into(a, firsts, sigma_per_um, sent, &mut at);
+        self.at_into((a, &splines::At::new(a)), firsts, sigma_per_um, sent, &mut at);
         at
     }
 
-    /// [`InterYarn::at`] in place.
+    /// [`InterYarn::at`] in place, with the splines at `a`.
     #[inline(always)]
     pub(crate) fn at_into<'a, const N: usize>(
         &'a self,
-        a: [f32; 3],
+        (a, place): ([f32; 3], &splines::At),
         firsts: &[(usize, [f32; N])],
         sigma_per_um: [[f32; N]; 2],
         sent: [f32; 2],
@@ -202,7 +202,7 @@ impl InterYarn {
                 classes[*class][k] += energy[k];
             }
         }
-        light(&self.packed[side], a, &classes, sigma_per_um, sent, at);
+        light(&self.packed[side], (a, place), &classes, sigma_per_um, sent, at);
         at.set_cones(self, a, side);
     }
 
@@ -267,13 +267,13 @@ fn results(row: &Row, few: &Row) -> [f32; 2 * RESULTS] {
 #[multiversion(targets("x86_64+avx2+bmi1+bmi2+fma"))]
 fn light<const N: usize>(
     packed: &Packed,
-    a: [f32; 3],
+    (a, place): ([f32; 3], &splines::At),
     classes: &[[f32; N]; CLASSES],
     sigma_per_um: [[f32; N]; 2],
     sent: [f32; 2],
     at: &mut InterYarnAt<'_, N>,
 ) {
-    let (of_terms, place) = (few(&terms(a)), splines::At::new(a));
+    let of_terms = few(&terms(a));
     let mut few: Row = [[0.0; 2 * RESULTS]; FEW / 2];
     for j in 0..FEW / 2 {
         for i in 0..2 * RESULTS {

@@ -94,12 +94,12 @@ impl LitPlaces {
         ratios(&sum)
     }
 
-    /// Mean coefficients over the cell for a viewer in direction `a`.
+    /// Mean coefficients over the cell for a viewer in direction `a`, with the splines there.
     #[inline(always)]
-    pub fn mean_at(&self, a: [f32; 3]) -> Ratios {
+    pub fn mean_at(&self, a: [f32; 3], splines: &At) -> Ratios {
         let mut mean = [0.0; RATIOS];
         if let Some(of) = self.mean.get(usize::from(a[2] < 0.0)) {
-            At::new(a).add(of, &mut mean);
+            splines.add(of, &mut mean);
         }
         ratios(&mean)
     }

@@ -54,13 +54,14 @@ struct VisiblePiece {
     second: bool,
 }
 
-/// Computes the layer of hairs of a cloth; `None` if the spec has no hairs.
-pub(super) fn hair_layer(
+/// Computes the layer of hairs of a cloth, even over it, and the roots of its hairs; `None` if the spec has
+/// no hairs.
+pub(super) fn hair_layer<'a>(
     spec: &ClothSpec,
-    curves: &ClothCurves,
+    curves: &'a ClothCurves,
     plies: &ClothPlies,
     progress: Progress<'_>,
-) -> Result<Option<HairLayer>, SimError> {
+) -> Result<Option<(HairLayer, HairRoots<'a>)>, SimError> {
     let yarns = spec.yarns();
     let mut kinds = Vec::new();
     let mut surfaces = Vec::new();
@@ -131,8 +132,7 @@ pub(super) fn hair_layer(
         make_symmetric(nodes, std::array::from_fn(|view| area[0][kind][view] + area[1][kind][view]));
     }
     nodes.resize(2 * HAIR_NODES, [0.0; SIGMAS]);
-    let field = hair_field(&roots, curves, plies, progress)?;
-    Ok(Some(HairLayer::new(area, nodes, field)))
+    Ok(Some((HairLayer::new(area, nodes), roots)))
 }
 
 /// A visible piece of a hair: where it starts, its step, its radius [um], and the share of it that plies do
@@ -140,7 +140,7 @@ pub(super) fn hair_layer(
 type Stroke = ([f64; 3], [f64; 3], f64, f64);
 
 /// Draws the hairs of a tile of cells, as they are seen along the normal of the face and of the back.
-fn hair_field(
+pub(super) fn hair_field(
     roots: &HairRoots<'_>,
     curves: &ClothCurves,
     plies: &ClothPlies,

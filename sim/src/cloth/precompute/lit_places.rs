@@ -272,7 +272,7 @@ mod tests {
             let mut light = inter_yarn.at::<MAPS>(a, &[(path.class, path.at.energy)], [sigma; 2], [1.0; 2]);
             let even = light.energy;
             let of = inter_yarn.places.at(path.at.tables, path.at.angle);
-            let mean = inter_yarn.places.mean_at(a);
+            let mean = inter_yarn.places.mean_at(a, &SplinesAt::new(a));
             let less = |i: usize, map: usize| std::array::from_fn(|n| of[i][map][n] - mean[i][map][n]);
             let deviations = [0, 1].map(|i| [0, 1].map(|map| less(i, map)));
             light.set_place(&inter_yarn, (&deviations, 1.0), sigma);

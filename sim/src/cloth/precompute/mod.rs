@@ -76,7 +76,7 @@ pub fn precompute(
         models.iter().map(|m| Ok(Arc::new(m.of_lines()?))).collect::<Result<_, Error>>()?;
     let plies = ClothPlies::new(curves, &models)?;
     let shadows = shadows::shadows(&plies, curves, effort, progress)?;
-    let hairs = hairs::hair_layer(spec, curves, &plies, progress)?;
+    let (hairs, roots) = hairs::hair_layer(spec, curves, &plies, progress)?.unzip();
     let drifts: Vec<_> = models.iter().map(|model| drift::Drift::new(model)).collect();
     let paths = follow::ClothPaths { plies: &plies, shadows: &shadows, hairs: hairs.as_ref(), drifts: &drifts };
     let (inter_yarn, followed) = inter_yarn::inter_yarn(&paths, effort, progress)?;
@@ -100,6 +100,9 @@ pub fn precompute(
     data.inter_yarn.places = lit_places::lit_places(&data, &followed, effort, progress)?;
     let of_rays = shaded(&data, &ClothOptions::RAYS)?;
     data.brightness = parts("brightness", 1, progress, |_| brightness::brightness(&of_rays))?.remove(0);
+    if let (Some(hairs), Some(roots)) = (&mut data.hairs, &roots) {
+        hairs.field = Some(hairs::hair_field(roots, curves, &plies, progress)?);
+    }
     if effort == Effort::Full {
         // The mean is that of the plies alone; the runtime adds the layer of hairs to it.
         let bare = ClothData { hairs: None, ..data.clone() };
