@@ -62,11 +62,11 @@ class Relief(Words):
             number = self.word(cell - count * dr.floor(cell / around))
             bits = self.mix(self.plus(key, self.times(number, GOLDEN)))
             unit = lambda shift, count: kit.float(kit.int((bits >> shift) & ((1 << count) - 1))) + 0.5
-            jitter = JITTER * (unit(22, 10) * (2.0 / 1024.0) - 1.0)
+            jitter = JITTER * (unit(22, 10) * 2.0**-9 - 1.0)
             half_turns = 2.0 / around * (cell + 0.5 + jitter) - low
             sin, cos = dr.sincos(math.pi * half_turns)
             cos = dr.select(dr.abs(half_turns) < 0.5, cos, 0.0)
-            weights = dr.select(unit(11, 11) * (1.0 / 2048.0) < free, 1.0 / free, 0.0), 1.0 + HIGH * (unit(0, 11) * (2.0 / 2048.0) - 1.0)
+            weights = dr.select(unit(11, 11) * 2.0**-11 < free, 1.0 / free, 0.0), 1.0 + HIGH * (unit(0, 11) * 2.0**-10 - 1.0)
             out = []
             for sum_, weight, x, width in zip(sums, weights, offsets, widths):
                 t = (x + ring * sin) / width
