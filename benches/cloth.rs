@@ -1,5 +1,5 @@
 //! Time of lines through cloths and of `ClothModel` on one core, in shipped cloths: a satin of flat yarns, a
-//! jersey, an organza of plied yarns with gaps. Random points and directions of the upper half space; then
+//! jersey, an organza of plied yarns with gaps, a flannel with hairs. Random points and directions of the upper half space; then
 //! four wavelengths and light from all directions: a query finds its plies, evaluates, samples, computes the
 //! density. Last, queries of the mean over the cell.
 //!
@@ -20,8 +20,12 @@ use std::time::Instant;
 
 const QUERIES: usize = 4096;
 /// Cloths that ship, with the models of their plies.
-const PLIES: [(&str, &str); 3] =
-    [("satin", "polyester_bundle"), ("jersey", "cotton_single"), ("organza", "silk_single")];
+const PLIES: [(&str, &str); 4] = [
+    ("satin", "polyester_bundle"),
+    ("jersey", "cotton_single"),
+    ("organza", "silk_single"),
+    ("flannel", "cotton_single"),
+];
 const LAMBDA_UM: [f32; 4] = [0.45, 0.52, 0.59, 0.66];
 
 /// A cloth that ships, with the model of its plies, which are alike.

@@ -45,7 +45,7 @@
 //! | `inter_yarn_shape_means` | `[2][2][64][4]` | by side, half it leaves in, pair of absorptions: means of 1, x, y and z over the directions of `inter_yarn_shape` |
 //! | `hair_area` | `[2][2][8]` | only for cloths with hairs, by side, kind and cosine: projected area of the visible hairs per area of the cloth (`src/cloth/light/hair_layer.rs`) |
 //! | `hair_scatter` | `[2][8][16][12][8]` | by kind, cosine of the viewer, cosine of the light, azimuth, absorption: density of the light that a hair scatters [1/sr] |
-//! | `hair_field` | `[15]` | means of the four layers of the face's and of the back's hairs; fractions of their tile per um: of the first axis by x and y, then of the second; size of a texel [um]; height of the hairs of the face and of the back [um] (`src/cloth/light/hair_field.rs`) |
+//! | `hair_field` | `[17]` | means of the four layers of the face's and of the back's hairs; fractions of their tile per um: of the first axis by x and y, then of the second; size of a texel [um]; height of the hairs of the face and of the back [um]; and the share of each that stands free (`src/cloth/light/hair_field.rs`) |
 //! | `hair_cover` | `[2][1398101]` | by side, pyramid of 1024 x 1024 texels down to one: a byte for each layer, the share that hairs cover; 255 is 1 |
 //! | `far_phi_i`, `far_theta_i`, `far_sigma` | `[15]`, `[11]`, `[8]` | nodes of the mean over the cell: azimuth of the viewer on one side and latitude [degrees], absorption [1/um]; this and the following tensors exist only for cloths loaded with `ClothOptions::far` |
 //! | `far_f` | `[kinds][330][24][17][8]` | f times the cosine of the light's latitude, by kind and view, azimuth and latitude of the light, absorption |

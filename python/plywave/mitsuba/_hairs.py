@@ -32,7 +32,7 @@ class Hairs:
         self.of_side = len(tensors["hair_cover"]) // 2
         self.texels = round(math.sqrt((3 * self.of_side + 1) / 4))
         self.per_um = [field[8:10], field[10:12]]
-        self.texel_um, self.heights = field[12], field[13:15]
+        self.texel_um, self.heights, self.standing = field[12], field[13:15], field[15:17]
         # Energies scattered to the viewer's side and to the other side, by kind and cosine of the viewer.
         sums = scatter.sum(3, dtype=np.float64) * (TAU / (self.cosines * self.azimuths))
         halves = [sums[:, :, self.cosines :].sum(2), sums[:, :, : self.cosines].sum(2)]
@@ -70,9 +70,11 @@ class Hairs:
         size = clamp(self.kit.float(detach(footprint_um)) * (0.5 / self.texel_um), 1.0, self.texels)
         return {"place": place, "level": dr.log2(size)}
 
-    def covered(self, here, side, w, probability, is_shadow):
-        """Part of a line of direction ``w`` that hairs of a side intercept at a point; its mean is the probability."""
+    def covered(self, here, side, w, depth, is_shadow):
+        """Part of a line of direction ``w`` that hairs of a side intercept at a point; its mean is ``1 - exp(-depth)``."""
         kit = self.kit
+        standing = depth * dr.select(side == 0, *self.standing)
+        probability, lying = 1.0 - dr.exp(-standing), dr.exp(standing - depth)
         means = [kit.take(self.means, side * LAYERS + i) for i in range(LAYERS)]
         above = sum(dr.select(mean < probability, kit.uint(1), kit.uint(0)) for mean in means)
         low = high = kit.float(0.0)
@@ -87,7 +89,7 @@ class Hairs:
         fine = dr.floor(here["level"])
         level = kit.uint(fine)
         values = [self.bilinear(side, place, dr.minimum(level + i, kit.uint(self.texels.bit_length() - 1)), above, share) for i in range(2)]
-        return values[0] + (here["level"] - fine) * (values[1] - values[0])
+        return 1.0 - (1.0 - values[0] - (here["level"] - fine) * (values[1] - values[0])) * lying
 
     def bilinear(self, side, place, level, above, share):
         kit = self.kit
@@ -114,16 +116,15 @@ class Hairs:
 
     def seen(self, side, a, here):
         """Part of the light to a viewer in direction ``a`` that hairs of a side intercept, at a point or in the mean."""
-        hits = 1.0 - dr.exp(-sum(self.depth(side, a[2])))
-        return hits if here is None else self.covered(here, side, a, hits, False)
+        depth = sum(self.depth(side, a[2]))
+        return 1.0 - dr.exp(-depth) if here is None else self.covered(here, side, a, depth, False)
 
     def free(self, at, b):
         """Part of the plies' light in direction ``b`` that passes the hairs there."""
         if at["here"] is None:
             return self.passes(b)
         side = self.side_of(b)
-        hits = 1.0 - dr.exp(-sum(self.depth(side, b[2])))
-        return 1.0 - self.covered(at["here"], side, b, hits, True)
+        return 1.0 - self.covered(at["here"], side, b, sum(self.depth(side, b[2])), True)
 
     def weights(self, sigma):
         """Weights of the absorption nodes, by channel."""

@@ -242,8 +242,8 @@ impl Document for ClothData {
             w.f32("hair_area", &[2, 2, HAIR_COSINES], area);
             w.f32("hair_scatter", &HAIR_SHAPE, hairs.scatter.as_flattened().iter().copied());
             if let Some(field) = &hairs.field {
-                let tile = field.cells.map(|cells| cells as f32).into_iter().chain(field.height_um);
-                w.f32("hair_tile", &[4], tile);
+                let tile = field.cells.map(|cells| cells as f32).into_iter().chain(field.height_um).chain(field.free);
+                w.f32("hair_tile", &[6], tile);
                 w.u8("hair_cover", &[2, HAIR_TEXELS, HAIR_TEXELS / 2], &field.shares());
             }
         }
@@ -319,11 +319,11 @@ impl Document for ClothData {
         let hairs = if r.has("hair_area") {
             let numbers = rows::<HAIR_COSINES>(r.f32("hair_area", &[2, 2, HAIR_COSINES])?);
             let area = [0, 1].map(|side| [0, 1].map(|kind| numbers[2 * side + kind]));
-            let tile = r.f32("hair_tile", &[4])?;
+            let tile = r.f32("hair_tile", &[6])?;
             let (cells, heights) =
                 ([tile[0] as u32, tile[1] as u32].map(|cells| cells.clamp(1, MAX_CELLS)), [tile[2], tile[3]]);
             let cover = r.u8("hair_cover", &[2, HAIR_TEXELS, HAIR_TEXELS / 2])?;
-            let field = HairField::new(&curves.lattice(r.file())?, cells, heights, &cover);
+            let field = HairField::new(&curves.lattice(r.file())?, cells, heights, [tile[4], tile[5]], &cover);
             let mut layer = HairLayer::new(area, rows::<SIGMAS>(r.f32("hair_scatter", &HAIR_SHAPE)?));
             layer.field = Some(field);
             Some(layer)
@@ -396,6 +396,7 @@ impl Document for ClothData {
             c.range_f32("hair_scatter", hairs.scatter.as_flattened(), 0.0, 1e3)?;
             if let Some(field) = &hairs.field {
                 c.range_f32("hair_tile", &field.height_um, -1e5, 1e5)?;
+                c.range_f32("hair_tile (free)", &field.free, 0.0, 1.0)?;
             }
         }
         c.range("albedo", &self.brightness.even_sky, 0.0, 1.0)?;

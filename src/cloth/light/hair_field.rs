@@ -1,11 +1,12 @@
 //! Where the hairs of a cloth lie: a tile of strokes over some cells, filtered by the footprint.
 //!
-//! A texel holds the share of it that the visible hairs of a side cover, seen along the normal. A line off
-//! the normal meets more hairs. Copies of the tile, shifted and laid over each other, cover it 1, 2, 4 and
-//! 8 times; a line's share of the light that hits hairs is the interpolant between two of these whose mean
-//! over the tile is the line's probability of hitting a hair. The mean over the cloth is therefore that of
-//! the even layer (`hair_layer.rs`), at any footprint. Shadows fall at another part of the tile than the
-//! hairs that are seen, so that both are as independent as the layer takes them to be.
+//! A texel holds the share of it that hairs of a side cover, seen along the normal: those that stand free.
+//! Hairs that lie on plies look as their fibers do, and are even. A line off the normal meets more hairs.
+//! Copies of the tile, shifted and laid over each other, cover it 1, 2, 4 and 8 times; a line's share of
+//! the light that hits free hairs is the interpolant between two of these whose mean over the tile is the
+//! line's probability of hitting one. The mean over the cloth is therefore that of the even layer
+//! (`hair_layer.rs`), at any footprint. Shadows fall at another part of the tile than the hairs that are
+//! seen, so that both are as independent as the layer takes them to be.
 
 use crate::cloth::Lattice;
 
@@ -30,6 +31,8 @@ pub struct HairField {
     pub cells: [u32; 2],
     /// `[face, back]`: mean height of the hairs over the middle plane [um], negative on the back.
     pub height_um: [f32; 2],
+    /// `[face, back]`: share of the hairs' depth that stands free.
+    pub free: [f32; 2],
     /// Fractions of the tile per um of x and y.
     per_um: [[f32; 2]; 2],
     /// Size of a texel [um].
@@ -55,7 +58,7 @@ const fn squares_of_all() -> usize {
 impl HairField {
     /// Builds the field of `cells` of the lattice from both sides' shares, 0 to 15 for 0 to 1, two in a
     /// byte and the lower half first.
-    pub fn new(lattice: &Lattice, cells: [u32; 2], height_um: [f32; 2], shares: &[u8]) -> HairField {
+    pub fn new(lattice: &Lattice, cells: [u32; 2], height_um: [f32; 2], free: [f32; 2], shares: &[u8]) -> HairField {
         const N: usize = HAIR_TEXELS;
         let area = lattice.area_um2() * f64::from(cells[0]) * f64::from(cells[1]);
         let [x, y] = [lattice.fractions(1.0, 0.0), lattice.fractions(0.0, 1.0)];
@@ -94,7 +97,7 @@ impl HairField {
                 );
             }
         }
-        HairField { cells, height_um, per_um, texel_um: (area.sqrt() / N as f64) as f32, means, texels }
+        HairField { cells, height_um, free, per_um, texel_um: (area.sqrt() / N as f64) as f32, means, texels }
     }
 
     /// Both sides' shares, as [`HairField::new`] takes them.
@@ -111,10 +114,12 @@ impl HairField {
             .collect()
     }
 
-    /// Share of the light along a line that hits hairs of a side at a place of the tile; `probability` is its
-    /// mean over the cloth.
+    /// Share of the light along a line that hits hairs of a side at a place of the tile; its mean over the
+    /// cloth is `1 - exp(-depth)`.
     #[inline(always)]
-    fn covered(&self, side: usize, place: [f32; 2], level: f32, probability: f32) -> f32 {
+    fn covered(&self, side: usize, place: [f32; 2], level: f32, depth: f32) -> f32 {
+        let of_free = depth * self.free[side];
+        let (probability, lying) = (-(-of_free).exp_m1(), (of_free - depth).exp());
         let (means, mut above) = (&self.means[side], 0);
         for mean in means {
             above += usize::from(*mean < probability);
@@ -126,7 +131,9 @@ impl HairField {
         let at = |level: u32| self.bilinear(side, place, level, above, share);
         let value = at(fine as u32);
         let rest = level - fine;
-        if rest > 0.0 && fine as u32 + 1 < LEVELS { value + rest * (at(fine as u32 + 1) - value) } else { value }
+        let on = rest > 0.0 && fine as u32 + 1 < LEVELS;
+        let covered = if on { value + rest * (at(fine as u32 + 1) - value) } else { value };
+        1.0 - (1.0 - covered) * lying
     }
 
     #[inline(always)]
@@ -159,7 +166,8 @@ impl HairField {
     /// The pyramids, and `[side][layer]`, their means; then fractions of the tile per um, the size of a
     /// texel and the heights [um].
     pub(crate) fn tables(&self) -> (&[u32], Vec<f32>) {
-        let numbers = [self.means.as_flattened(), self.per_um.as_flattened(), &[self.texel_um], &self.height_um];
+        let numbers =
+            [self.means.as_flattened(), self.per_um.as_flattened(), &[self.texel_um], &self.height_um, &self.free];
         (&self.texels, numbers.concat())
     }
 }
@@ -201,15 +209,15 @@ impl<'a> HairsHere<'a> {
 
     /// Share of the light to the viewer, in direction `a`, that hairs of a side intercept.
     #[inline(always)]
-    pub(crate) fn seen(&self, side: usize, a: [f32; 3], probability: f32) -> f32 {
-        self.field.covered(side, self.passed(side, a), self.level, probability)
+    pub(crate) fn seen(&self, side: usize, a: [f32; 3], depth: f32) -> f32 {
+        self.field.covered(side, self.passed(side, a), self.level, depth)
     }
 
     /// Share of the light of plies in direction `b` that hairs of a side intercept.
     #[inline(always)]
-    pub(crate) fn shadow(&self, side: usize, b: [f32; 3], probability: f32) -> f32 {
+    pub(crate) fn shadow(&self, side: usize, b: [f32; 3], depth: f32) -> f32 {
         let [u, v] = self.passed(side, b);
-        self.field.covered(side, [u + SHADOW[0], v + SHADOW[1]], self.level, probability)
+        self.field.covered(side, [u + SHADOW[0], v + SHADOW[1]], self.level, depth)
     }
 }
 
@@ -223,17 +231,17 @@ mod tests {
         let lattice = Lattice::new([[900.0, 0.0], [150.0, 1100.0]]).expect("a lattice");
         let half = HAIR_TEXELS * HAIR_TEXELS / 2;
         let shares: Vec<u8> = (0..2 * half).map(|i| if i / 7 % 5 == i / 3000 % 5 { 0xF3 } else { 0 }).collect();
-        let field = HairField::new(&lattice, [7, 5], [200.0, -200.0], &shares);
+        let field = HairField::new(&lattice, [7, 5], [200.0, -200.0], [0.7, 1.0], &shares);
         assert_eq!(field.shares(), shares);
         for footprint in [0.0, 40.0, 700.0f32] {
-            for probability in [0.03, 0.2, 0.5, 0.9, 0.99] {
+            for probability in [0.03f32, 0.2, 0.5, 0.9, 0.99] {
                 const STEPS: i32 = 400;
                 let mut sum = 0.0;
                 for i in 0..STEPS * STEPS {
                     let [u, v] = [i % STEPS, i / STEPS].map(|k| 7.0 * (k as f32 + 0.37) / STEPS as f32);
                     let at = [u * 900.0 + v * 150.0, v * 1100.0];
                     let here = HairsHere::new(&field, at, footprint);
-                    sum += f64::from(here.seen(0, [0.3, 0.0, 0.95], probability));
+                    sum += f64::from(here.seen(0, [0.3, 0.0, 0.95], -(1.0 - probability).ln()));
                 }
                 let mean = sum / f64::from(STEPS * STEPS);
                 assert!((mean - f64::from(probability)).abs() < 0.01, "{footprint}, {probability}: {mean}");

@@ -90,8 +90,8 @@ impl HairLayer {
     /// mean over the cloth.
     #[inline(always)]
     pub(crate) fn seen(&self, side: usize, a: [f32; 3], here: Option<&HairsHere<'_>>) -> f32 {
-        let hits = self.hits(side, a[2]);
-        here.map_or(hits, |here| here.seen(side, a, hits))
+        let [first, second] = self.depth(side, a[2]);
+        here.map_or(-(-first - second).exp_m1(), |here| here.seen(side, a, first + second))
     }
 
     /// `[absorption]`: density [1/sr] of the light that a hair of a kind scatters, for a viewer at cosine
@@ -218,7 +218,7 @@ impl<'a, const N: usize> HairsAt<'a, N> {
             let hits = -(-all).exp_m1();
             // The other layer counts only where light arrives.
             let covered = match &here {
-                Some(here) if arrives > MIN_ARRIVES => here.seen(side, a, hits),
+                Some(here) if arrives > MIN_ARRIVES => here.seen(side, a, all),
                 _ => hits,
             };
             let hit = arrives * covered;
@@ -293,8 +293,11 @@ impl<'a, const N: usize> HairsAt<'a, N> {
     #[inline(always)]
     pub(crate) fn free(&self, b: [f32; 3]) -> f32 {
         let side = usize::from(b[2] < 0.0);
-        let hits = self.layer.hits(side, b[2]);
-        1.0 - self.here.map_or(hits, |here| here.shadow(side, b, hits))
+        let [first, second] = self.layer.depth(side, b[2]);
+        match &self.here {
+            Some(here) => 1.0 - here.shadow(side, b, first + second),
+            None => (-first - second).exp(),
+        }
     }
 
     /// Density of [`HairsAt::draw`] times the probability of sampling the layer [1/sr].

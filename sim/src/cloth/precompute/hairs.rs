@@ -33,6 +33,8 @@ const SEED: u64 = 0x68_6169;
 /// Size of a texel of the tile of hairs over the radius of a hair, and parts of a texel along each side
 /// that are drawn.
 const TEXEL: f64 = 0.8;
+/// Height of a hair's axis over a ply, in radii of the hair, below which it lies on it.
+const LYING: f64 = 4.0;
 const FINER: usize = 3;
 /// Number of rays for each kind and view.
 const RAYS: usize = 1 << 18;
@@ -139,7 +141,9 @@ pub(super) fn hair_layer<'a>(
 /// not occlude.
 type Stroke = ([f64; 3], [f64; 3], f64, f64);
 
-/// Draws the hairs of a tile of cells, as they are seen along the normal of the face and of the back.
+/// Draws the hairs of a tile of cells that stand free, as they are seen along the normal of the face and of
+/// the back. A hair whose axis is within some radii of a ply below it lies: its shadow is where its light
+/// is.
 pub(super) fn hair_field(
     roots: &HairRoots<'_>,
     curves: &ClothCurves,
@@ -154,7 +158,7 @@ pub(super) fn hair_field(
     let sides = parts("hairs of a tile", 2, progress, |side| {
         let up = if side == 0 { 1.0 } else { -1.0 };
         let (mut free, mut hits) = (vec![1.0f32; FINE * FINE], LineHits::default());
-        let (mut heights, mut areas) = (0.0, 0.0);
+        let (mut heights, mut areas, mut all) = (0.0, 0.0, 0.0);
         for cell in 0..(cells[0] * cells[1]) as i32 {
             let cell = [cell % cells[0] as i32, cell / cells[0] as i32];
             for hair in (0..curves.yarns.len()).flat_map(|yarn| roots.grow(yarn, cell, SEED ^ 1)) {
@@ -163,7 +167,13 @@ pub(super) fn hair_field(
                     let middle: [f32; 3] = std::array::from_fn(|k| (ends[0][k] + 0.5 * step[k]) as f32);
                     plies.lines.hits_while(middle, [0.0, 0.0, up as f32], &mut hits, |hit| plies.passes(hit));
                     let seen: f64 = hits.as_slice().iter().map(|hit| f64::from(plies.r_d(hit))).product();
-                    let area = step[0].hypot(step[1]) * seen;
+                    let area = step[0].hypot(step[1]) * seen * hair.radius_um;
+                    all += area;
+                    plies.lines.hits(middle, [0.0, 0.0, -up as f32], &mut hits);
+                    let below = hits.as_slice().first().map_or(f64::INFINITY, |hit| f64::from(hit.enter_um));
+                    if below < LYING * hair.radius_um {
+                        continue;
+                    }
                     (heights, areas) = (heights + area * f64::from(middle[2]), areas + area);
                     draw(&mut free, lattice, cells, (ends[0], step, hair.radius_um, seen));
                 }
@@ -176,11 +186,11 @@ pub(super) fn hair_field(
         };
         let half = HAIR_TEXELS * HAIR_TEXELS / 2;
         let shares: Vec<u8> = (0..half).map(|i| covered(2 * i) | covered(2 * i + 1) << 4).collect();
-        (shares, if areas > 0.0 { heights / areas } else { 0.0 })
+        let per = |sum: f64, of: f64| if of > 0.0 { (sum / of) as f32 } else { 0.0 };
+        (shares, per(heights, areas), per(areas, all))
     })?;
     let [face, back] = [&sides[0], &sides[1]];
-    let heights = [face.1, back.1].map(|height| height as f32);
-    Ok(HairField::new(lattice, cells, heights, &[&face.0[..], &back.0].concat()))
+    Ok(HairField::new(lattice, cells, [face.1, back.1], [face.2, back.2], &[&face.0[..], &back.0].concat()))
 }
 
 /// Draws a stroke into the picture of a tile, which repeats.
