@@ -1,7 +1,7 @@
-//! Time of lines through cloths and of `ClothModel` on one core, in shipped cloths: a satin of flat yarns, a
-//! jersey, an organza of plied yarns with gaps, a flannel with hairs. Random points and directions of the upper half space; then
-//! four wavelengths and light from all directions: a query finds its plies, evaluates, samples, computes the
-//! density. Last, queries of the mean over the cell.
+//! Time of lines through cloths and of `ClothModel` on one core, in shipped cloths: a satin of flat yarns,
+//! a jersey, an organza of plied yarns with gaps, a flannel with hairs. Random points and directions of the
+//! upper half space; then four wavelengths and light from all directions: a query finds its plies,
+//! evaluates, samples, computes the density. Last, queries of the mean over the cell.
 //!
 //! `cargo bench -p plywave --bench cloth`. Beside each name is the share of lines that meet no ply. Lines
 //! that begin with "memory" show bytes, and the times of making a cloth and of making it ready for shading.
