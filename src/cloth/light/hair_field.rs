@@ -147,9 +147,9 @@ impl HairField {
         let ((x, s), (y, t), mask) = (at(place[0]), at(place[1]), size as i32 - 1);
         let mut sum = 0.0;
         for (dy, t) in [(0, 1.0 - t), (1, t)] {
-            let row = (y + dy & mask) as usize * size;
+            let row = ((y + dy) & mask) as usize * size;
             for (dx, s) in [(0, 1.0 - s), (1, s)] {
-                let texel = texels[row + (x + dx & mask) as usize];
+                let texel = texels[row + ((x + dx) & mask) as usize];
                 // Before the layers comes nothing, and behind them all.
                 let bytes = (u64::from(texel) << 8 | 0xFF << 40) >> (8 * above);
                 let (low, high) = ((bytes & 0xFF) as f32, (bytes >> 8 & 0xFF) as f32);
