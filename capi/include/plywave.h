@@ -25,7 +25,7 @@
 
 // Size of a prepared query in 64-bit words, without its tag. With the tag it is 7 KB: the size of the
 // largest prepared query, a cloth at four wavelengths.
-#define PLYWAVE_BSDF_WORDS 912
+#define PLYWAVE_BSDF_WORDS 928
 
 // Bytes of a message, including its final 0.
 #define PLYWAVE_MESSAGE_SIZE 496

@@ -14,7 +14,7 @@ pub const PLYWAVE_MAX_COUNT: usize = 4;
 
 /// Size of a prepared query in 64-bit words, without its tag. With the tag it is 7 KB: the size of the
 /// largest prepared query, a cloth at four wavelengths.
-pub const PLYWAVE_BSDF_WORDS: usize = 912;
+pub const PLYWAVE_BSDF_WORDS: usize = 928;
 
 /// A model at a query. The caller provides the memory, usually on the stack; the library writes and reads its
 /// content. A prepared query owns no memory and needs no release; it may be copied, moved, and read by many

@@ -98,9 +98,9 @@ impl<const N: usize> NearPly<'_, N> {
     }
 
     #[inline(always)]
-    fn add(&self, b: [f32; 3], b_ply: [f32; 3], light: &LobeLight<N>, f: &mut [f32; N], pdf: &mut f32) {
+    fn add(&self, toward: &Toward, b_ply: [f32; 3], light: &LobeLight<N>, f: &mut [f32; N], pdf: &mut f32) {
         self.add_light(
-            self.shade.toward(&Toward::new(b), self.ply.model.exit_shapes(), self.exits.lines(b_ply)),
+            self.shade.toward(toward, self.ply.model.exit_shapes(), self.exits.lines(b_ply)),
             &self.clear_shares(),
             light,
             f,
@@ -110,10 +110,10 @@ impl<const N: usize> NearPly<'_, N> {
 
     /// Adds f and density in a direction, with the lobes and the speckle patterns that were prepared.
     #[inline(always)]
-    fn eval_pdf(&self, (prepared, speckle): Kept<'_, N>, b: [f32; 3], f: &mut [f32; N], pdf: &mut f32) {
-        let b_ply = to_ply(&self.frame, b);
+    fn eval_pdf(&self, (prepared, speckle): Kept<'_, N>, toward: &Toward, f: &mut [f32; N], pdf: &mut f32) {
+        let b_ply = to_ply(&self.frame, toward.b);
         let light = self.ply.lit_by(&self.ply.kept(prepared), speckle).eval_pdf(self.hit_chance, b_ply);
-        self.add(b, b_ply, &light, f, pdf);
+        self.add(toward, b_ply, &light, f, pdf);
     }
 
     /// Adds f for many directions of the light.
@@ -346,17 +346,18 @@ impl<const N: usize> ClothBsdf<'_, N> {
     /// Adds f and density of the plies, as far as hairs let it pass, and of the hairs.
     #[inline(always)]
     fn plies_and_hairs(&self, b: [f32; 3], known: Option<(usize, LobeLight<N>)>, f: &mut [f32; N], pdf: &mut f32) {
+        let toward = Toward::new(b);
         if let Some(ply) = &self.main {
             match &known {
-                Some((0, light)) => ply.add(b, to_ply(&ply.frame, b), light, f, pdf),
-                _ => ply.eval_pdf((&self.prepared, self.speckle.as_ref()), b, f, pdf),
+                Some((0, light)) => ply.add(&toward, to_ply(&ply.frame, b), light, f, pdf),
+                _ => ply.eval_pdf((&self.prepared, self.speckle.as_ref()), &toward, f, pdf),
             }
         }
         for (i, ply) in self.others.iter().enumerate() {
             let Some(ply) = ply else { continue };
             match &known {
-                Some((known, light)) if *known == i + 1 => ply.add(b, to_ply(&ply.frame, b), light, f, pdf),
-                _ => ply.eval_pdf((&Prepared::NOTHING, ply.ply.speckle().as_ref()), b, f, pdf),
+                Some((known, light)) if *known == i + 1 => ply.add(&toward, to_ply(&ply.frame, b), light, f, pdf),
+                _ => ply.eval_pdf((&Prepared::NOTHING, ply.ply.speckle().as_ref()), &toward, f, pdf),
             }
         }
         if let Some(hairs) = &self.hairs {
@@ -447,9 +448,9 @@ impl<const N: usize> ClothBsdf<'_, N> {
 
 #[multiversion(targets("x86_64+avx2+bmi1+bmi2+fma"))]
 fn near<const N: usize>(of: &ClothBsdf<'_, N>, b: [f32; 3], known: Option<(usize, LobeLight<N>)>) -> ([f32; N], f32) {
-    let (mut f, mut pdf) = ([0.0; N], of.inter_yarn_pdf(b));
+    let (inter_yarn, mut pdf) = of.inter_yarn.eval_pdf([of.chances[1], of.chances[2]], b);
+    let mut f = [0.0; N];
     of.plies_and_hairs(b, known, &mut f, &mut pdf);
-    let inter_yarn = of.inter_yarn.eval(b);
     for k in 0..N {
         f[k] += inter_yarn[k];
     }

@@ -82,6 +82,9 @@ pub(crate) struct ConeAt<'a> {
     /// `a . e`, and N there.
     sine: f32,
     norm: f32,
+    /// Integral of q from 0 to the smallest v that any direction has, and from there to the largest.
+    low: f32,
+    all: f32,
 }
 
 impl<'a> ConeAt<'a> {
@@ -90,15 +93,30 @@ impl<'a> ConeAt<'a> {
     #[inline(always)]
     pub(crate) fn new(axis: usize, a: [f32; 3], own: &Cone, other: &'a Cone) -> ConeAt<'a> {
         let sine = min(max(a[axis], -1.0), 1.0);
-        ConeAt { axis, cone: other, sine, norm: own.norm(sine) }
+        let (low, high) = (other.below(sine - 1.0), other.below(sine + 1.0));
+        ConeAt { axis, cone: other, sine, norm: own.norm(sine), low, all: high - low }
     }
 
-    /// f divided by the energy, in direction `b` of the half space [1/sr].
+    /// f divided by the energy, and density of [`ConeAt::draw`], in direction `b` of the half space [1/sr].
     #[inline(always)]
-    pub(crate) fn eval(&self, b: [f32; 3]) -> f32 {
+    pub(crate) fn eval_pdf(&self, b: [f32; 3]) -> (f32, f32) {
         let sine = min(max(b[self.axis], -1.0), 1.0);
         let q = self.cone.density(self.sine + sine);
-        q * self.cone.energy(b) * b[2].abs() / (self.norm * self.cone.norm(sine))
+        let f = q * self.cone.energy(b) * b[2].abs() / (self.norm * self.cone.norm(sine));
+        (f, self.pdf_of(q, sine, b[2]))
+    }
+
+    /// Density of [`ConeAt::draw`] [1/sr].
+    #[inline(always)]
+    pub(crate) fn pdf(&self, b: [f32; 3]) -> f32 {
+        let sine = min(max(b[self.axis], -1.0), 1.0);
+        self.pdf_of(self.cone.density(self.sine + sine), sine, b[2])
+    }
+
+    #[inline(always)]
+    fn pdf_of(&self, q: f32, sine: f32, z: f32) -> f32 {
+        let cos = (1.0 - sine * sine).max(1e-12).sqrt();
+        q / self.all * 0.5 * min(z.abs() / cos, 1.0)
     }
 
     /// Approximate means of the functions 1, x, y, |z| of the light's direction: those of light on the cone
@@ -110,26 +128,10 @@ impl<'a> ConeAt<'a> {
         means
     }
 
-    /// Integrals of q from 0 to the smallest and to the largest v that any direction has.
-    #[inline(always)]
-    fn ends(&self) -> [f32; 2] {
-        [self.sine - 1.0, self.sine + 1.0].map(|v| self.cone.below(v))
-    }
-
-    /// Density of [`ConeAt::draw`] [1/sr].
-    #[inline(always)]
-    pub(crate) fn pdf(&self, b: [f32; 3]) -> f32 {
-        let sine = min(max(b[self.axis], -1.0), 1.0);
-        let [low, high] = self.ends();
-        let cos = (1.0 - sine * sine).max(1e-12).sqrt();
-        self.cone.density(self.sine + sine) / (high - low) * 0.5 * min(b[2].abs() / cos, 1.0)
-    }
-
     /// Samples a direction near the cone, with the angle about the axis distributed by the cosine to the
     /// normal. `up` is the sign of its z.
     pub(crate) fn draw(&self, u: [f32; 2], up: f32) -> [f32; 3] {
-        let [low, high] = self.ends();
-        let y = (low + u[0] * (high - low)).clamp(-0.499_999, 0.499_999);
+        let y = (self.low + u[0] * self.all).clamp(-0.499_999, 0.499_999);
         let v = self.cone.width * y / (0.25 - y * y).sqrt();
         let sine = (v - self.sine).clamp(-1.0, 1.0);
         let cos = (1.0 - sine * sine).sqrt();

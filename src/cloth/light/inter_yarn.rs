@@ -538,27 +538,45 @@ impl<'a, const N: usize> InterYarnAt<'a, N> {
     }
 
     /// f in direction `b` [1/sr].
-    #[inline(always)]
+    #[inline]
     pub fn eval(&self, b: [f32; 3]) -> [f32; N] {
+        self.eval_pdf([0.0; 2], b).0
+    }
+
+    /// f and the density of samples in direction `b` [1/sr]; `chances` are the probabilities of sampling
+    /// light that leaves up and down.
+    #[inline(always)]
+    pub(crate) fn eval_pdf(&self, chances: [f32; 2], b: [f32; 3]) -> ([f32; N], f32) {
         let half = usize::from(!self.is_up(b));
-        let Some(shapes) = self.shapes else { return [0.0; N] };
-        let mut f = eval(&shapes[half], &self.corners, b);
+        let mut f = [0.0; N];
+        if let Some(shapes) = self.shapes {
+            f = eval(&shapes[half], &self.corners, b);
+        }
         for k in 0..N {
             f[k] *= self.mean[half][k] - self.parallel[0][half][k] - self.parallel[1][half][k];
         }
+        let (mut pdf, mut rest) = (0.0, 1.0);
         for kind in 0..2 {
-            if let Some((cone, _)) = &self.cones[kind][half] {
-                let of = cone.eval(b);
+            if let Some((cone, share)) = &self.cones[kind][half] {
+                let (of, density) = cone.eval_pdf(b);
                 for k in 0..N {
                     f[k] += self.parallel[kind][half][k] * of;
                 }
+                (pdf, rest) = (pdf + share * density, rest - share);
             }
         }
         let ratios = self.ratios(half, &functions(b));
         for k in 0..N {
             f[k] *= self.ratio(k, ratios);
         }
-        f
+        (f, chances[half] * (pdf + rest * self.evenly(half, b)))
+    }
+
+    /// Density of samples of one half that are not drawn from cones [1/sr].
+    #[inline(always)]
+    fn evenly(&self, half: usize, b: [f32; 3]) -> f32 {
+        let [x, y] = self.lean[half];
+        b[2].abs().min(1.0) / PI * (1.0 + x * b[0] + y * b[1])
     }
 
     /// Density of samples in direction `b` [1/sr]; `chances` are the probabilities of sampling light that
@@ -573,8 +591,7 @@ impl<'a, const N: usize> InterYarnAt<'a, N> {
                 rest -= share;
             }
         }
-        let [x, y] = self.lean[half];
-        chances[half] * (pdf + rest * b[2].abs().min(1.0) / PI * (1.0 + x * b[0] + y * b[1]))
+        chances[half] * (pdf + rest * self.evenly(half, b))
     }
 
     /// Samples a direction of the light that leaves up (`half` 0) or down (1).
