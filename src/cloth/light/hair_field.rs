@@ -164,7 +164,7 @@ impl HairField {
     }
 
     /// The pyramids, and `[side][layer]`, their means; then fractions of the tile per um, the size of a
-    /// texel and the heights [um].
+    /// texel and the heights [um], and the free shares.
     pub(crate) fn tables(&self) -> (&[u32], Vec<f32>) {
         let numbers =
             [self.means.as_flattened(), self.per_um.as_flattened(), &[self.texel_um], &self.height_um, &self.free];
