@@ -155,28 +155,39 @@ pub(super) fn hair_field(
     let lattice = &plies.lattice;
     let wanted_um = roots.mean_radius_um() * TEXEL * HAIR_TEXELS as f64;
     let cells = lattice.cell_um.map(|v| (wanted_um / v[0].hypot(v[1])).round().max(1.0) as u32);
-    let sides = parts("hairs of a tile", 2, progress, |side| {
-        let up = if side == 0 { 1.0 } else { -1.0 };
-        let (mut free, mut hits) = (vec![1.0f32; FINE * FINE], LineHits::default());
-        let (mut heights, mut areas, mut all) = (0.0, 0.0, 0.0);
-        for cell in 0..(cells[0] * cells[1]) as i32 {
-            let cell = [cell % cells[0] as i32, cell / cells[0] as i32];
-            for hair in (0..curves.yarns.len()).flat_map(|yarn| roots.grow(yarn, cell, SEED ^ 1)) {
-                for ends in hair.points_um.windows(2) {
-                    let step = sub(ends[1], ends[0]);
-                    let middle: [f32; 3] = std::array::from_fn(|k| (ends[0][k] + 0.5 * step[k]) as f32);
-                    plies.lines.hits_while(middle, [0.0, 0.0, up as f32], &mut hits, |hit| plies.passes(hit));
+    // `[cell][side]`: the strokes that stand free, and the area of all.
+    let drawn = parts("hairs of a tile", (cells[0] * cells[1]) as usize, progress, |cell| {
+        let cell = [cell as i32 % cells[0] as i32, cell as i32 / cells[0] as i32];
+        let mut hits = LineHits::default();
+        let mut sides = [(Vec::<Stroke>::new(), 0.0), (Vec::new(), 0.0)];
+        for hair in (0..curves.yarns.len()).flat_map(|yarn| roots.grow(yarn, cell, SEED ^ 1)) {
+            for ends in hair.points_um.windows(2) {
+                let step = sub(ends[1], ends[0]);
+                let middle: [f32; 3] = std::array::from_fn(|k| (ends[0][k] + 0.5 * step[k]) as f32);
+                for ((strokes, all), up) in sides.iter_mut().zip([1.0, -1.0]) {
+                    plies.lines.hits_while(middle, [0.0, 0.0, up], &mut hits, |hit| plies.passes(hit));
                     let seen: f64 = hits.as_slice().iter().map(|hit| f64::from(plies.r_d(hit))).product();
-                    let area = step[0].hypot(step[1]) * seen * hair.radius_um;
-                    all += area;
-                    plies.lines.hits(middle, [0.0, 0.0, -up as f32], &mut hits);
+                    *all += step[0].hypot(step[1]) * seen * hair.radius_um;
+                    plies.lines.hits(middle, [0.0, 0.0, -up], &mut hits);
                     let below = hits.as_slice().first().map_or(f64::INFINITY, |hit| f64::from(hit.enter_um));
-                    if below < LYING * hair.radius_um {
-                        continue;
+                    if below >= LYING * hair.radius_um {
+                        strokes.push((ends[0], step, hair.radius_um, seen));
                     }
-                    (heights, areas) = (heights + area * f64::from(middle[2]), areas + area);
-                    draw(&mut free, lattice, cells, (ends[0], step, hair.radius_um, seen));
                 }
+            }
+        }
+        sides
+    })?;
+    let sides = parts("strokes of hairs", 2, progress, |side| {
+        let mut free = vec![1.0f32; FINE * FINE];
+        let (mut heights, mut areas, mut all) = (0.0, 0.0, 0.0);
+        for (strokes, of_cell) in drawn.iter().map(|sides| &sides[side]) {
+            all += of_cell;
+            for stroke in strokes {
+                let (from, step, radius_um, seen) = stroke;
+                let area = step[0].hypot(step[1]) * seen * radius_um;
+                (heights, areas) = (heights + area * (from[2] + 0.5 * step[2]), areas + area);
+                draw(&mut free, lattice, cells, *stroke);
             }
         }
         let covered = |at: usize| {
