@@ -15,6 +15,7 @@
 #include <fstream>
 #include <limits>
 #include <string>
+#include <sys/types.h>
 #include <vector>
 
 static double clock_s() {
@@ -46,6 +47,9 @@ int main(int argc, char** argv) {
     }
     end_curve();
     RTCDevice device = rtcNewDevice("threads=1");
+    static ssize_t bytes = 0;
+    rtcSetDeviceMemoryMonitorFunction(
+        device, [](void*, ssize_t more, bool) { return bytes += more, true; }, nullptr);
     for (const bool round : {true, false}) {
         RTCScene scene = rtcNewScene(device);
         rtcSetSceneBuildQuality(scene, RTC_BUILD_QUALITY_MEDIUM);
@@ -58,10 +62,11 @@ int main(int argc, char** argv) {
         std::copy(firsts.begin(), firsts.end(), static_cast<unsigned*>(indices));
         rtcCommitGeometry(curves);
         rtcAttachGeometry(scene, curves);
+        const ssize_t before = bytes;
         const double begun = clock_s();
         rtcCommitScene(scene);
-        std::printf("Embree %s, %zu segments: BVH in %.2f s of one thread\n", round ? "round" : "flat", firsts.size(),
-                    clock_s() - begun);
+        std::printf("Embree %s, %zu segments: BVH in %.2f s of one thread, %.1f MB\n", round ? "round" : "flat",
+                    firsts.size(), clock_s() - begun, 1e-6 * double(bytes - before));
         for (int a = 2; a + 1 < argc; a += 2) {
             std::ifstream file(argv[a + 1], std::ios::binary);
             std::vector<char> bytes((std::istreambuf_iterator<char>(file)), std::istreambuf_iterator<char>());

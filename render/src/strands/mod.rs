@@ -5,8 +5,8 @@
 //! of balls along the curve) or as a ray-facing band ([`StrandShape::Band`]). `segment.rs` has the
 //! intersection formulas, `tree.rs` the BVH and the hits.
 
+mod bundle;
 mod dual;
-mod group;
 mod import_options;
 mod make;
 mod notes;

@@ -1,34 +1,21 @@
-//! BVH over groups of segments of strands, and the intersections of rays with them.
+//! BVH over segments of strands, and the intersections of rays with them.
 
-use super::group::{Group, GroupRay, SEGMENTS};
+use super::bundle::{CAPSULES, Capsule, ThinRay};
 use super::segment::{Cubic, Extent, RayFrame, band, cubic, point, slope, spline, tube};
 use super::wide::{Wide, prefetch};
 use super::{Basis, StrandShape, Strands};
+use arrayvec::ArrayVec;
 use glam::{DVec3, Vec3, Vec3A};
+use multiversion::{multiversion, target::target_cfg_f};
 use obvhs::aabb::Aabb;
-
-/// Margin by which boxes grow for the rounding of traversal, relative to the largest coordinate. The error of
-/// the slab test is some ten roundings of 6e-8: those of the ray's origin, of the difference, whose magnitude
-/// is up to 3.5 coordinates, and of the product.
-const PAD: f32 = 1.5e-6;
-
-/// Control points that a group of segments comes from.
-#[derive(Clone, Copy, Debug)]
-struct Source {
-    /// First control point of the group.
-    first: u32,
-    strand: u32,
-    /// Number of segments.
-    count: u32,
-}
 
 /// Cost of finding a ray's first hit.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct TraceCost {
-    /// Number of BVH nodes tested, each with up to four boxes.
+    /// Number of BVH nodes tested, each with up to eight boxes.
     pub nodes: u64,
-    /// Number of groups whose chords are tested.
-    pub groups: u64,
+    /// Number of bundles tested, each with up to eight capsules.
+    pub bundles: u64,
     /// Number of segments intersected.
     pub segments: u64,
 }
@@ -40,17 +27,12 @@ struct SegmentHit {
     u: f64,
     /// First control point.
     first: u32,
-    strand: u32,
 }
 
 /// Strands with a BVH over their segments.
 pub struct StrandTree {
     strands: Strands,
     shape: StrandShape,
-    /// Segments in the order of the tree.
-    groups: Vec<Group>,
-    /// Sources of the groups, in the same order.
-    sources: Vec<Source>,
     boxes: Wide,
     bounds: Aabb,
 }
@@ -128,43 +110,20 @@ impl StrandTree {
         StrandTree::by(strands, shape, Wide::by_medians)
     }
 
-    fn by(strands: Strands, shape: StrandShape, build: impl FnOnce(&[Aabb]) -> Wide) -> StrandTree {
-        let basis = strands.basis();
-        let order = basis.order();
-        let mut sources = Vec::with_capacity(strands.segments().div_ceil(SEGMENTS) + strands.len());
-        let mut boxes = Vec::with_capacity(sources.capacity());
-        let mut bounds = Aabb::empty();
+    fn by(strands: Strands, shape: StrandShape, build: impl FnOnce(&[Capsule], f32) -> Wide) -> StrandTree {
+        let order = strands.basis().order();
+        // A segment lies between its control points.
+        let largest = |p: &[f32; 4]| p[..3].iter().fold(0.0f32, |max, x| max.max(x.abs())) + p[3];
+        let max = strands.points().iter().map(largest).fold(0.0, f32::max);
+        let mut capsules = Vec::with_capacity(strands.segments());
         for run in strands.runs() {
-            let segments = run.count as usize + 1 - order;
-            let groups = segments.div_ceil(SEGMENTS);
-            for group in 0..groups {
-                // Groups have sizes that differ by at most one segment.
-                let (from, to) = (group * segments / groups, (group + 1) * segments / groups);
-                let first = run.first + from as u32;
-                let mut all = Aabb::empty();
-                for k in from..to {
-                    all = all.union(&aabb(&strands.points()[run.first as usize + k..][..order]));
-                }
-                bounds = bounds.union(&all);
-                sources.push(Source { first, strand: run.strand, count: (to - from) as u32 });
-                boxes.push(all);
+            for first in run.first..run.first + run.count + 1 - order as u32 {
+                capsules.push(Capsule::new(&strands.points()[first as usize..][..order], first, max));
             }
         }
-        if sources.is_empty() {
-            bounds = Aabb::new(Vec3A::ZERO, Vec3A::ZERO);
-        }
-        let pad = Vec3A::splat(PAD * bounds.min.abs().max(bounds.max.abs()).max_element());
-        boxes.iter_mut().for_each(|b| *b = Aabb::new(b.min - pad, b.max + pad));
-        let bounds = Aabb::new(bounds.min - pad, bounds.max + pad);
-        let boxes = build(&boxes);
-        let sources: Vec<Source> = boxes.order.iter().map(|&i| sources[i as usize]).collect();
-        let max = bounds.min.abs().max(bounds.max.abs()).max_element();
-        let of = |s: &Source| {
-            let points = &strands.points()[s.first as usize..][..s.count as usize + order - 1];
-            Group::new(points, basis, max)
-        };
-        let groups = sources.iter().map(of).collect();
-        StrandTree { strands, shape, groups, sources, boxes, bounds }
+        let bounds = capsules.iter().fold(Aabb::empty(), |all, capsule| all.union(&capsule.aabb()));
+        let bounds = if capsules.is_empty() { Aabb::new(Vec3A::ZERO, Vec3A::ZERO) } else { bounds };
+        StrandTree { boxes: build(&capsules, max), strands, shape, bounds }
     }
 
     /// The strands.
@@ -185,62 +144,15 @@ impl StrandTree {
     /// First hit of a ray from `origin` in unit `direction`, beyond `after` and before `before` [mm], except
     /// within `skips`.
     pub fn first(&self, origin: DVec3, direction: DVec3, after: f64, before: f64, skips: &[Skip]) -> Option<StrandHit> {
-        let hit = self.nearest::<false>(origin, direction, after, before, skips, &mut TraceCost::default())?;
+        let hit = nearest::<false>(self, origin, direction, after, before, skips, &mut TraceCost::default())?;
         Some(self.hit(origin, direction, hit))
     }
 
     /// Cost of finding the first hit of a ray.
     pub fn cost(&self, origin: DVec3, direction: DVec3) -> TraceCost {
         let mut cost = TraceCost::default();
-        self.nearest::<true>(origin, direction, 0.0, f64::INFINITY, &[], &mut cost);
+        nearest::<true>(self, origin, direction, 0.0, f64::INFINITY, &[], &mut cost);
         cost
-    }
-
-    fn nearest<const COUNT: bool>(
-        &self,
-        origin: DVec3,
-        direction: DVec3,
-        after: f64,
-        before: f64,
-        skips: &[Skip],
-        cost: &mut TraceCost,
-    ) -> Option<SegmentHit> {
-        let [from, to] = self.reach(origin, direction)?;
-        if to <= after || from >= before {
-            return None;
-        }
-        let (start, moved, limit) = start_of(origin, direction, from.max(after), before.min(to));
-        let (frame, chords) = (RayFrame::new(origin, direction), GroupRay::new(moved, direction));
-        let low = (after - start) as f32;
-        let mut best: Option<SegmentHit> = None;
-        let ahead = |i| prefetch(&self.groups, i);
-        let nodes = self.boxes.traverse(moved, direction.as_vec3(), limit, ahead, |i, mut limit| {
-            let mut candidates = self.groups[i].candidates(&chords, low, limit);
-            cost.groups += u64::from(COUNT);
-            if candidates == 0 {
-                return limit;
-            }
-            let source = self.sources[i];
-            let after = after_skips(after, skips, source.strand);
-            candidates &= (1 << source.count) - 1;
-            while candidates != 0 {
-                let first = source.first + candidates.trailing_zeros();
-                candidates &= candidates - 1;
-                cost.segments += u64::from(COUNT);
-                // At equal distances the first segment in input order wins, whatever the order of traversal.
-                let max = best.map_or(before, |best| best.t + best.t.abs() * f64::EPSILON);
-                let Some((t, u)) = self.meet(&frame, first, after, max) else { continue };
-                if best.map_or(t < before, |best| t < best.t || t == best.t && first < best.first) {
-                    best = Some(SegmentHit { t, u, first, strand: source.strand });
-                    limit = limit.min(above((t - start) as f32));
-                }
-            }
-            limit
-        });
-        if COUNT {
-            cost.nodes += nodes;
-        }
-        best
     }
 
     /// Finds all hits of a ray beyond `after` and before `before` [mm], the nearest first, except within
@@ -260,30 +172,7 @@ impl StrandTree {
         if to <= after || from >= before {
             return;
         }
-        let (start, moved, limit) = start_of(origin, direction, from.max(after), before.min(to));
-        let (frame, chords) = (RayFrame::new(origin, direction), GroupRay::new(moved, direction));
-        let low = (after - start) as f32;
-        let ahead = |i| prefetch(&self.groups, i);
-        self.boxes.traverse(moved, direction.as_vec3(), limit, ahead, |i, limit| {
-            let mut candidates = self.groups[i].candidates(&chords, low, limit);
-            if candidates == 0 {
-                return limit;
-            }
-            let source = self.sources[i];
-            candidates &= (1 << source.count) - 1;
-            while candidates != 0 {
-                let first = source.first + candidates.trailing_zeros();
-                candidates &= candidates - 1;
-                let mut after = after_skips(after, skips, source.strand);
-                // A bent segment may be entered more than once. All entries are recorded, because only the
-                // neighbors' entries determine which of them count.
-                while let Some((t, u)) = self.meet(&frame, first, after, before).filter(|(t, _)| *t < before) {
-                    found.push(self.hit(origin, direction, SegmentHit { t, u, first, strand: source.strand }));
-                    after = t;
-                }
-            }
-            limit
-        });
+        entries(self, (origin, direction), [from, to], [after, before], skips, found);
         found.sort_by(|a, b| a.t.total_cmp(&b.t).then(a.first_point.cmp(&b.first_point)));
         let mut inside: Vec<Skip> = Vec::new();
         found.retain(|hit| {
@@ -314,7 +203,29 @@ impl StrandTree {
         }
         // A slack of 1e-12 covers the rounding of the divisions.
         let slack = 1e-12 * (from.abs() + to.abs());
-        (from <= to + slack && !self.sources.is_empty()).then_some([from - slack, to + slack])
+        (from <= to + slack && !self.boxes.is_empty()).then_some([from - slack, to + slack])
+    }
+
+    /// Bytes of memory of the tree, without the control points.
+    pub fn memory_bytes(&self) -> usize {
+        self.boxes.memory_bytes()
+    }
+
+    /// Distance beyond which a ray can hit the strand of a control point.
+    #[inline(always)]
+    fn after_skips(&self, after: f64, skips: &[Skip], point: u32) -> f64 {
+        if skips.is_empty() {
+            return after;
+        }
+        let strand = self.strand_of(point);
+        skips.iter().filter(|skip| skip.strand == strand).fold(after, |after, skip| after.max(skip.until))
+    }
+
+    /// Number of the strand that a control point belongs to.
+    fn strand_of(&self, point: u32) -> u32 {
+        let runs = self.strands.runs();
+        let behind = runs.partition_point(|run| run.first <= point);
+        runs[behind.saturating_sub(1)].strand
     }
 
     /// Hit of a ray on the segment with this first control point, beyond `after` and up to `before`.
@@ -337,7 +248,7 @@ impl StrandTree {
         }
     }
 
-    fn hit(&self, origin: DVec3, direction: DVec3, SegmentHit { t, u, first, strand }: SegmentHit) -> StrandHit {
+    fn hit(&self, origin: DVec3, direction: DVec3, SegmentHit { t, u, first }: SegmentHit) -> StrandHit {
         let points = &self.strands.points()[first as usize..];
         let wide = |p: [f32; 4]| p.map(f64::from);
         let (at, along) = match self.strands.basis() {
@@ -366,8 +277,102 @@ impl StrandTree {
         // along the ray.
         let side = direction.cross(tangent).normalize_or(tangent.any_orthonormal_vector());
         let h_rel = ((position - center).dot(side) / radius_mm).clamp(-1.0, 1.0);
-        StrandHit { t, position, center, tangent, radius_mm, h_rel, strand, first_point: first, u }
+        StrandHit {
+            t,
+            position,
+            center,
+            tangent,
+            radius_mm,
+            h_rel,
+            strand: self.strand_of(first),
+            first_point: first,
+            u,
+        }
     }
+}
+
+/// The first hit of a ray, and the cost of finding it if `COUNT`.
+#[multiversion(targets("x86_64+avx2+bmi1+bmi2+fma"))]
+fn nearest<const COUNT: bool>(
+    of: &StrandTree,
+    origin: DVec3,
+    direction: DVec3,
+    after: f64,
+    before: f64,
+    skips: &[Skip],
+    cost: &mut TraceCost,
+) -> Option<SegmentHit> {
+    const FMA: bool = target_cfg_f!(target_feature = "fma") || cfg!(target_arch = "aarch64");
+    let [from, to] = of.reach(origin, direction)?;
+    if to <= after || from >= before {
+        return None;
+    }
+    let (start, moved, limit) = start_of(origin, direction, from.max(after), before.min(to));
+    let (frame, thin) = (RayFrame::new(origin, direction), ThinRay::new(moved, direction));
+    let low = (after - start) as f32;
+    let mut best: Option<SegmentHit> = None;
+    // Segments whose control points are on their way from memory.
+    let mut due = ArrayVec::<u32, CAPSULES>::new();
+    let nodes = of.boxes.traverse::<FMA>(moved, direction.as_vec3(), limit, |bundle, mut limit| {
+        for first in due.drain(..) {
+            cost.segments += u64::from(COUNT);
+            let after = of.after_skips(after, skips, first);
+            // At equal distances the first segment in input order wins, whatever the order of traversal.
+            let max = best.map_or(before, |best| best.t + best.t.abs() * f64::EPSILON);
+            let Some((t, u)) = of.meet(&frame, first, after, max) else { continue };
+            if best.map_or(t < before, |best| t < best.t || t == best.t && first < best.first) {
+                best = Some(SegmentHit { t, u, first });
+                limit = limit.min(above((t - start) as f32));
+            }
+        }
+        let Some((bundle, firsts)) = bundle else { return limit };
+        cost.bundles += u64::from(COUNT);
+        let mut candidates = bundle.candidates::<FMA>(&thin, low, limit);
+        while candidates != 0 {
+            let first = firsts[candidates.trailing_zeros() as usize % CAPSULES];
+            candidates &= candidates - 1;
+            prefetch(of.strands.points(), first as usize);
+            due.push(first);
+        }
+        limit
+    });
+    if COUNT {
+        cost.nodes += nodes;
+    }
+    best
+}
+
+/// Adds all entries of a ray into segments between two distances, in no order; `reach` is where the ray is in
+/// the box of all strands.
+#[multiversion(targets("x86_64+avx2+bmi1+bmi2+fma"))]
+fn entries(
+    of: &StrandTree,
+    (origin, direction): (DVec3, DVec3),
+    [from, to]: [f64; 2],
+    [after, before]: [f64; 2],
+    skips: &[Skip],
+    found: &mut Vec<StrandHit>,
+) {
+    const FMA: bool = target_cfg_f!(target_feature = "fma") || cfg!(target_arch = "aarch64");
+    let (start, moved, limit) = start_of(origin, direction, from.max(after), before.min(to));
+    let (frame, thin) = (RayFrame::new(origin, direction), ThinRay::new(moved, direction));
+    let low = (after - start) as f32;
+    of.boxes.traverse::<FMA>(moved, direction.as_vec3(), limit, |bundle, limit| {
+        let Some((bundle, firsts)) = bundle else { return limit };
+        let mut candidates = bundle.candidates::<FMA>(&thin, low, limit);
+        while candidates != 0 {
+            let first = firsts[candidates.trailing_zeros() as usize % CAPSULES];
+            candidates &= candidates - 1;
+            let mut after = of.after_skips(after, skips, first);
+            // A bent segment may be entered more than once. All entries are recorded, because only the
+            // neighbors' entries determine which of them count.
+            while let Some((t, u)) = of.meet(&frame, first, after, before).filter(|(t, _)| *t < before) {
+                found.push(of.hit(origin, direction, SegmentHit { t, u, first }));
+                after = t;
+            }
+        }
+        limit
+    });
 }
 
 /// The part of a ray between two distances for the traversal: its start and its length. It starts at the box
@@ -378,34 +383,7 @@ fn start_of(origin: DVec3, direction: DVec3, from: f64, to: f64) -> (f64, Vec3, 
     (start, (origin + direction * start).as_vec3(), above((to - start) as f32))
 }
 
-/// Distance beyond which a ray can hit the strand.
-fn after_skips(after: f64, skips: &[Skip], strand: u32) -> f64 {
-    skips.iter().filter(|skip| skip.strand == strand).fold(after, |after, skip| after.max(skip.until))
-}
-
 /// The second-next larger floating-point number.
 fn above(x: f32) -> f32 {
     x.next_up().next_up()
-}
-
-/// Box of a segment from its radius and its Bezier points, which lie closer to the curve than those of the
-/// spline.
-fn aabb(p: &[[f32; 4]]) -> Aabb {
-    let radius = p.iter().map(|p| p[3]).fold(0.0, f32::max);
-    let v = |k: usize| DVec3::new(f64::from(p[k][0]), f64::from(p[k][1]), f64::from(p[k][2]));
-    let corners: [DVec3; 4] = if p.len() == 4 {
-        let (a, b, c, d) = (v(0), v(1), v(2), v(3));
-        [(a + 4.0 * b + c) / 6.0, (2.0 * b + c) / 3.0, (b + 2.0 * c) / 3.0, (b + 4.0 * c + d) / 6.0]
-    } else {
-        [v(0), v(0), v(1), v(1)]
-    };
-    let (mut low, mut high) = (corners[0], corners[0]);
-    for c in &corners[1..] {
-        low = low.min(*c);
-        high = high.max(*c);
-    }
-    let r = DVec3::splat(f64::from(radius));
-    let (low, high) = ((low - r).as_vec3(), (high + r).as_vec3());
-    let step = |v: Vec3, up: bool| Vec3A::from(v.to_array().map(|x| if up { x.next_up() } else { x.next_down() }));
-    Aabb::new(step(low, false), step(high, true))
 }

@@ -1,180 +1,292 @@
-//! A BVH with four boxes per node in 32-bit floats: a node has two cache lines, and each end of the slabs
-//! needs three subtractions and products of four-vectors.
+//! A BVH over bundles of capsules: nodes of eight boxes of 8-bit coordinates, in two cache lines.
 //!
-//! obvhs builds the binary tree from which this tree is made. Its own traversal of eight 8-bit boxes uses
-//! less memory, but with SSE2 alone it unpacks the 48 bytes of a node one by one.
-//! unpacks 48 bytes per node one by one.
+//! obvhs builds the binary tree from which this tree is made.
 
+use super::bundle::{Bundle, CAPSULES, Capsule};
 use crate::surface::bvh;
-use glam::{Vec3, Vec4};
+use glam::{Vec3, Vec3A};
 use obvhs::aabb::Aabb;
 use obvhs::bvh2::Bvh2;
+use plywave::math::simd::{fma, max, min};
 
-/// Marks a leaf; two bits contain its number of primitives minus one, the lower ones its first primitive.
+/// Children of a node.
+const WIDTH: usize = 8;
+/// Marks a bundle; the other bits are its number.
 const LEAF: u32 = 1 << 31;
-const COUNT_SHIFT: u32 = 29;
-const INDEX: u32 = (1 << COUNT_SHIFT) - 1;
-/// Largest number of primitives of a leaf.
-const MAX_IN_LEAF: u32 = 4;
-/// Cost of testing a node relative to that of testing a primitive.
-const NODE_COST: f32 = 1.0;
-/// Largest number of levels; each needs three entries on the traversal's stack.
+/// Largest number of levels; each needs seven entries on the traversal's stack.
 const MAX_LEVELS: usize = 31;
-const STACK: usize = 3 * MAX_LEVELS + 3;
-/// Factor that covers two roundings of the far end of a slab.
+const STACK: usize = (WIDTH - 1) * MAX_LEVELS + WIDTH;
+/// Number of bundles that wait until their memory has arrived.
+const WAITING: usize = 2;
+/// Factor that covers the roundings of the far end of a slab.
 const ROOM: f32 = 1.0 + 4e-7;
 /// Smallest magnitude of a component of a direction.
 const MIN: f32 = 1e-12;
+/// Largest 8-bit coordinate.
+const STEPS: f32 = 255.0;
+/// The bit of each child; a table, since shifts by other amounts would not be one instruction for all.
+const BITS: [u32; WIDTH] = [1, 2, 4, 8, 16, 32, 64, 128];
+/// Margin by which boxes grow for the rounding of traversal, relative to the largest coordinate of the scene.
+/// The error is some fifteen roundings of 6e-8 times up to 3.5 coordinates: those of the ray's origin, of the
+/// difference, of the product, and of the 8-bit coordinates.
+const PAD: f32 = 4e-6;
 
-/// Four boxes by axis, and their children. Absent boxes are inverted, so no ray hits them.
+/// Eight boxes, and their children. Coordinates are `corner + step * n` for the 8-bit number n.
 #[derive(Clone, Copy, Debug)]
 #[repr(C, align(64))]
 struct Node {
-    low: [Vec4; 3],
-    high: [Vec4; 3],
-    children: [u32; 4],
+    corner: [f32; 3],
+    step: [f32; 3],
+    low: [[u8; WIDTH]; 3],
+    high: [[u8; WIDTH]; 3],
+    children: [u32; WIDTH],
+    /// Bit mask of the children that exist.
+    exist: u32,
 }
 
-/// The tree: its nodes, the root first, and the primitives in the order of its leaves.
+/// The tree: its nodes, the root first, and the bundles.
 #[derive(Clone, Debug)]
 pub struct Wide {
     nodes: Vec<Node>,
-    /// Indices of the input boxes in the order of the leaves.
-    pub order: Vec<u32>,
+    bundles: Vec<Bundle>,
+    /// `[bundle][capsule]`: first control points of the segments.
+    firsts: Vec<[u32; CAPSULES]>,
 }
 
 impl Wide {
-    /// Builds a tree over at most 2^29 boxes.
-    pub fn new(boxes: &[Aabb]) -> Wide {
-        Wide::collapse(&bvh::binary(boxes), boxes).unwrap_or_else(|| Wide::by_medians(boxes))
+    /// Builds a tree over at most 2^31 capsules, whose coordinates have a magnitude of at most `max`.
+    pub fn new(capsules: &[Capsule], max: f32) -> Wide {
+        // A tree by medians has at most 31 levels, which is within the limit.
+        let tree = bvh::binary(&boxes(capsules));
+        Wide::collapse(&tree, capsules, max).unwrap_or_else(|| Wide::by_medians(capsules, max))
     }
 
     /// Builds a tree of another form, split at medians.
-    pub fn by_medians(boxes: &[Aabb]) -> Wide {
-        // It has at most 29 levels, which is within the limit.
-        Wide::collapse(&bvh::binary_by_medians(boxes), boxes).unwrap_or(Wide { nodes: Vec::new(), order: Vec::new() })
+    pub fn by_medians(capsules: &[Capsule], max: f32) -> Wide {
+        let tree = bvh::binary_by_medians(&boxes(capsules));
+        Wide::collapse(&tree, capsules, max).unwrap_or_else(Wide::empty)
     }
 
-    /// Converts a binary tree to nodes of four; `None` if it is too deep.
-    fn collapse(tree: &Bvh2, boxes: &[Aabb]) -> Option<Wide> {
-        if boxes.is_empty() {
-            return Some(Wide { nodes: Vec::new(), order: Vec::new() });
+    fn empty() -> Wide {
+        Wide { nodes: Vec::new(), bundles: Vec::new(), firsts: Vec::new() }
+    }
+
+    pub fn is_empty(&self) -> bool {
+        self.nodes.is_empty()
+    }
+
+    /// Bytes of memory.
+    pub fn memory_bytes(&self) -> usize {
+        size_of_val(self.nodes.as_slice()) + size_of_val(self.bundles.as_slice()) + size_of_val(self.firsts.as_slice())
+    }
+
+    /// Converts a binary tree to nodes of eight; `None` if it is too deep.
+    fn collapse(tree: &Bvh2, capsules: &[Capsule], max: f32) -> Option<Wide> {
+        let mut wide = Wide::empty();
+        if capsules.is_empty() {
+            return Some(wide);
         }
-        let plan = Plan::new(tree);
-        let mut wide = Wide { nodes: vec![Node::EMPTY], order: Vec::with_capacity(boxes.len()) };
+        let counts = counts(tree);
+        wide.nodes.push(Node::EMPTY);
         // Stack of open nodes: index in the binary tree, index in the wide tree, level.
-        let mut open = vec![(0usize, 0usize, 1usize)];
+        let (mut open, mut of_bundle) = (vec![(0usize, 0usize, 1usize)], Vec::new());
         while let Some((from, to, level)) = open.pop() {
             if level > MAX_LEVELS {
                 return None;
             }
-            let (children, count) = plan.children(tree, from);
-            for (k, &child) in children[..count].iter().enumerate() {
-                let aabb = tree.nodes[child].aabb();
-                let link = if plan.is_leaf[child] {
-                    let first = wide.order.len() as u32;
-                    plan.gather(tree, child, &mut wide.order);
-                    LEAF | (wide.order.len() as u32 - first - 1) << COUNT_SHIFT | first
+            let (children, count) = children(tree, &counts, from);
+            let children = &children[..count];
+            wide.nodes[to].bound(children.iter().map(|child| *tree.nodes[*child].aabb()), PAD * max);
+            for (k, &child) in children.iter().enumerate() {
+                wide.nodes[to].children[k] = if counts[child] as usize <= CAPSULES {
+                    of_bundle.clear();
+                    gather(tree, child, &mut of_bundle);
+                    let of = of_bundle.iter().map(|i| capsules[*i as usize]);
+                    wide.bundles.push(Bundle::new(of.clone()));
+                    let mut firsts = [0; CAPSULES];
+                    firsts.iter_mut().zip(of).for_each(|(first, capsule)| *first = capsule.first);
+                    wide.firsts.push(firsts);
+                    LEAF | (wide.bundles.len() as u32 - 1)
                 } else {
                     wide.nodes.push(Node::EMPTY);
                     open.push((child, wide.nodes.len() - 1, level + 1));
                     wide.nodes.len() as u32 - 1
                 };
-                let node = &mut wide.nodes[to];
-                for axis in 0..3 {
-                    node.low[axis][k] = aabb.min[axis];
-                    node.high[axis][k] = aabb.max[axis];
-                }
-                node.children[k] = link;
             }
         }
         Some(wide)
     }
 
-    /// Calls `visit` for each primitive whose box the ray hits, with the primitive's index in the tree's
-    /// order and the current largest distance; `visit` returns the new largest distance. `ahead` is called
-    /// earlier with the first primitive of a leaf, for a prefetch. Returns the number of tested nodes.
     #[inline(always)]
-    pub fn traverse(
+    fn bundle(&self, at: u32) -> Option<(&Bundle, &[u32; CAPSULES])> {
+        Some((self.bundles.get(at as usize)?, self.firsts.get(at as usize)?))
+    }
+
+    /// Calls `visit` for each bundle whose box the ray hits, with the first control points of its segments and
+    /// the current largest distance, and at the end with `None`; `visit` returns the new largest distance.
+    /// Returns the number of tested nodes.
+    #[inline(always)]
+    pub fn traverse<const FMA: bool>(
         &self,
         origin: Vec3,
         direction: Vec3,
         limit: f32,
-        ahead: impl Fn(usize),
-        mut visit: impl FnMut(usize, f32) -> f32,
+        mut visit: impl FnMut(Option<(&Bundle, &[u32; CAPSULES])>, f32) -> f32,
     ) -> u64 {
         if self.nodes.is_empty() {
             return 0;
         }
+        let (mut limit, mut tested) = (limit, 0);
         let inverse = direction.to_array().map(|d| 1.0 / if d.abs() < MIN { MIN.copysign(d) } else { d });
-        let (origin, mut limit, mut tested) = (origin.to_array(), limit, 0);
+        let origin = origin.to_array();
         let mut stack = [(0.0f32, 0u32); STACK];
         let mut top = 1;
-        while top > 0 {
-            top -= 1;
-            let (near, mut at) = stack[top];
-            if near > limit {
-                continue;
-            }
-            while at & LEAF == 0 {
-                let node = &self.nodes[at as usize];
-                tested += 1;
-                let slab = |k: usize| {
-                    let (from, to) =
-                        if inverse[k] < 0.0 { (node.high[k], node.low[k]) } else { (node.low[k], node.high[k]) };
-                    let (o, i) = (Vec4::splat(origin[k]), Vec4::splat(inverse[k]));
-                    ((from - o) * i, (to - o) * i)
-                };
-                let ((x0, x1), (y0, y1), (z0, z1)) = (slab(0), slab(1), slab(2));
-                let from = x0.max(y0).max(z0.max(Vec4::ZERO));
-                let to = (x1.min(y1).min(z1) * ROOM).min(Vec4::splat(limit));
-                let mut hits = from.cmple(to).bitmask();
-                if hits == 0 {
-                    break;
+        let mut waiting = [(0.0f32, 0u32); WAITING];
+        // Numbers of bundles that began and ended to wait.
+        let (mut begun, mut ended) = (0, 0);
+        loop {
+            while top > 0 && begun < ended + WAITING {
+                top -= 1;
+                let (mut near, mut at) = stack[top];
+                if near > limit {
+                    continue;
                 }
-                let from = from.to_array();
-                // Continue with the nearest child; push the others with the nearest on top.
-                let first = hits.trailing_zeros() as usize;
-                hits &= hits - 1;
-                let mut nearest = (from[first], node.children[first]);
-                let bottom = top;
-                while hits != 0 {
-                    let k = hits.trailing_zeros() as usize;
+                while at & LEAF == 0 {
+                    let node = &self.nodes[at as usize];
+                    tested += 1;
+                    let (from, mut hits) = node.hit::<FMA>(origin, inverse, limit);
+                    if hits == 0 {
+                        break;
+                    }
+                    // Continue with the nearest child; push the others with the nearest on top.
+                    let first = hits.trailing_zeros() as usize % WIDTH;
                     hits &= hits - 1;
-                    let mut other = (from[k], node.children[k]);
-                    if other.0 < nearest.0 {
-                        std::mem::swap(&mut other, &mut nearest);
+                    let mut nearest = (from[first], node.children[first]);
+                    let bottom = top;
+                    while hits != 0 {
+                        let k = hits.trailing_zeros() as usize % WIDTH;
+                        hits &= hits - 1;
+                        let mut other = (from[k], node.children[k]);
+                        if other.0 < nearest.0 {
+                            std::mem::swap(&mut other, &mut nearest);
+                        }
+                        // Traversal mostly waits for memory, so later nodes are prefetched.
+                        if other.1 & LEAF == 0 {
+                            prefetch(&self.nodes, other.1 as usize);
+                        } else {
+                            prefetch(&self.bundles, (other.1 & !LEAF) as usize);
+                        }
+                        let mut place = top;
+                        while place > bottom && stack[place - 1].0 < other.0 {
+                            stack[place] = stack[place - 1];
+                            place -= 1;
+                        }
+                        stack[place] = other;
+                        top += 1;
                     }
-                    // Traversal mostly waits for memory, so later nodes are prefetched.
-                    if other.1 & LEAF == 0 {
-                        prefetch(&self.nodes, other.1 as usize);
-                    } else {
-                        ahead((other.1 & INDEX) as usize);
-                    }
-                    let mut place = top;
-                    while place > bottom && stack[place - 1].0 < other.0 {
-                        stack[place] = stack[place - 1];
-                        place -= 1;
-                    }
-                    stack[place] = other;
-                    top += 1;
+                    (near, at) = nearest;
                 }
-                at = nearest.1;
+                if at & LEAF != 0 {
+                    // The bundle is tested a little later, when it has come from memory.
+                    let at = at & !LEAF;
+                    prefetch(&self.bundles, at as usize);
+                    prefetch(&self.firsts, at as usize);
+                    waiting[begun % WAITING] = (near, at);
+                    begun += 1;
+                }
             }
-            if at & LEAF != 0 {
-                let first = (at & INDEX) as usize;
-                let count = ((at & !LEAF) >> COUNT_SHIFT) as usize + 1;
-                for i in first..first + count {
-                    limit = visit(i, limit);
+            let is_last = ended == begun;
+            let mut bundle = None;
+            if !is_last {
+                let (near, at) = waiting[ended % WAITING];
+                ended += 1;
+                if near > limit {
+                    continue;
                 }
+                bundle = self.bundle(at);
+            }
+            // One call alone, so that it is compiled in place.
+            limit = visit(bundle, limit);
+            if is_last {
+                return tested;
             }
         }
-        tested
     }
 }
 
 impl Node {
-    const EMPTY: Node = Node { low: [Vec4::INFINITY; 3], high: [Vec4::NEG_INFINITY; 3], children: [0; 4] };
+    const EMPTY: Node = Node {
+        corner: [0.0; 3],
+        step: [0.0; 3],
+        low: [[0; WIDTH]; 3],
+        high: [[0; WIDTH]; 3],
+        children: [0; WIDTH],
+        exist: 0,
+    };
+
+    /// Distances at which a ray enters the boxes, and the bit mask of those that it hits before `limit`.
+    #[inline(always)]
+    fn hit<const FMA: bool>(&self, origin: [f32; 3], inverse: [f32; 3], limit: f32) -> ([f32; WIDTH], u32) {
+        let (mut from, mut to) = ([0.0f32; WIDTH], [limit; WIDTH]);
+        for k in 0..3 {
+            let per = inverse[k];
+            let (scale, shift) = (self.step[k] * per, (self.corner[k] - origin[k]) * per);
+            let (near, far) = if per < 0.0 { (&self.high[k], &self.low[k]) } else { (&self.low[k], &self.high[k]) };
+            let (near, far) = (floats(near), floats(far));
+            for i in 0..WIDTH {
+                from[i] = max(fma::<FMA>(near[i], scale, shift), from[i]);
+            }
+            for i in 0..WIDTH {
+                to[i] = min(fma::<FMA>(far[i], scale, shift) * ROOM, to[i]);
+            }
+        }
+        let mut bits = [0; WIDTH];
+        for i in 0..WIDTH {
+            bits[i] = if from[i] <= to[i] { BITS[i] } else { 0 };
+        }
+        let mut hits = 0;
+        for bit in bits {
+            hits |= bit;
+        }
+        (from, hits & self.exist)
+    }
+
+    /// Sets the boxes of the children.
+    fn bound(&mut self, boxes: impl Iterator<Item = Aabb> + Clone, pad: f32) {
+        let pad = Vec3A::splat(pad);
+        let (mut low, mut high) = (Vec3A::INFINITY, Vec3A::NEG_INFINITY);
+        for aabb in boxes.clone() {
+            low = low.min(aabb.min - pad);
+            high = high.max(aabb.max + pad);
+        }
+        self.corner = low.to_array();
+        // A step larger by a few roundings, so that 255 of them reach the other side.
+        self.step = ((high - low) * ((1.0 + 1e-6) / STEPS)).max(Vec3A::splat(f32::MIN_POSITIVE)).to_array();
+        for (i, aabb) in boxes.take(WIDTH).enumerate() {
+            self.exist |= 1 << i;
+            let (low, high) = ((aabb.min - pad).to_array(), (aabb.max + pad).to_array());
+            for k in 0..3 {
+                let at = |x: f32| (x - self.corner[k]) / self.step[k];
+                self.low[k][i] = at(low[k]).floor().clamp(0.0, STEPS) as u8;
+                self.high[k][i] = at(high[k]).ceil().clamp(0.0, STEPS) as u8;
+            }
+        }
+    }
+}
+
+/// Numbers of eight bytes.
+#[inline(always)]
+fn floats(bytes: &[u8; WIDTH]) -> [f32; WIDTH] {
+    let mut all = [0.0; WIDTH];
+    for i in 0..WIDTH {
+        all[i] = f32::from(bytes[i]);
+    }
+    all
+}
+
+/// Boxes of capsules.
+fn boxes(capsules: &[Capsule]) -> Vec<Aabb> {
+    capsules.iter().map(Capsule::aabb).collect()
 }
 
 /// Prefetches the first and the last cache line of an element; does nothing if the element does not exist or
@@ -197,68 +309,53 @@ pub fn prefetch<T>(of: &[T], at: usize) {
     let _ = (of, at);
 }
 
-/// Choice of the nodes of a binary tree that become leaves, by the surface area heuristic.
-struct Plan {
-    is_leaf: Vec<bool>,
+/// Number of primitives below each node of a binary tree.
+fn counts(tree: &Bvh2) -> Vec<u32> {
+    let (mut order, mut open) = (Vec::with_capacity(tree.nodes.len()), vec![0usize]);
+    while let Some(at) = open.pop() {
+        order.push(at);
+        let node = &tree.nodes[at];
+        if !node.is_leaf() {
+            open.extend([node.first_index as usize, node.first_index as usize + 1]);
+        }
+    }
+    let mut counts = vec![0u32; tree.nodes.len()];
+    // Children are visited before parents.
+    for &at in order.iter().rev() {
+        let node = &tree.nodes[at];
+        let first = node.first_index as usize;
+        counts[at] = if node.is_leaf() { node.prim_count } else { counts[first] + counts[first + 1] };
+    }
+    counts
 }
 
-impl Plan {
-    fn new(tree: &Bvh2) -> Plan {
-        let n = tree.nodes.len();
-        // Children are visited before parents.
-        let (mut order, mut open) = (Vec::with_capacity(n), vec![0usize]);
-        while let Some(at) = open.pop() {
-            order.push(at);
-            let node = &tree.nodes[at];
-            if !node.is_leaf() {
-                open.extend([node.first_index as usize, node.first_index as usize + 1]);
-            }
-        }
-        let (mut is_leaf, mut count, mut cost) = (vec![false; n], vec![0u32; n], vec![0.0f32; n]);
-        for &at in order.iter().rev() {
-            let node = &tree.nodes[at];
-            let area = node.aabb().half_area();
-            let (all, split) = if node.is_leaf() {
-                (node.prim_count, f32::INFINITY)
-            } else {
-                let [a, b] = [node.first_index as usize, node.first_index as usize + 1];
-                // A third of the binary tree's nodes become nodes of four.
-                (count[a] + count[b], cost[a] + cost[b] + NODE_COST / 3.0 * area)
-            };
-            let whole = if all <= MAX_IN_LEAF { area * all as f32 } else { f32::INFINITY };
-            (count[at], cost[at], is_leaf[at]) = (all, whole.min(split), whole <= split);
-        }
-        Plan { is_leaf }
+/// Up to eight children of a node: the child with the largest area that has too many primitives for a bundle
+/// is replaced by its children until there are eight. A bundle is its own only child.
+fn children(tree: &Bvh2, counts: &[u32], at: usize) -> ([usize; WIDTH], usize) {
+    let mut list = [at; WIDTH];
+    let mut count = 1;
+    while count < WIDTH {
+        let area = |k: &usize| tree.nodes[list[*k]].aabb().half_area();
+        let open = (0..count).filter(|k| counts[list[*k]] as usize > CAPSULES);
+        let Some(k) = open.max_by(|a, b| area(a).total_cmp(&area(b))) else { break };
+        let first = tree.nodes[list[k]].first_index as usize;
+        list[k] = first;
+        list[count] = first + 1;
+        count += 1;
     }
+    (list, count)
+}
 
-    /// Up to four children of a node: the inner child with the largest area is replaced by its children until
-    /// there are four. A leaf is its own only child.
-    fn children(&self, tree: &Bvh2, at: usize) -> ([usize; 4], usize) {
-        let mut list = [at; 4];
-        let mut count = 1;
-        while count < 4 {
-            let area = |k: &usize| tree.nodes[list[*k]].aabb().half_area();
-            let open = (0..count).filter(|k| !self.is_leaf[list[*k]]);
-            let Some(k) = open.max_by(|a, b| area(a).total_cmp(&area(b))) else { break };
-            let first = tree.nodes[list[k]].first_index as usize;
-            list[k] = first;
-            list[count] = first + 1;
-            count += 1;
-        }
-        (list, count)
-    }
-
-    /// Appends the primitives below a node to `order`.
-    fn gather(&self, tree: &Bvh2, at: usize, order: &mut Vec<u32>) {
-        let mut open = vec![at];
-        while let Some(at) = open.pop() {
-            let node = &tree.nodes[at];
-            let first = node.first_index as usize;
-            if node.is_leaf() {
-                order.extend_from_slice(&tree.primitive_indices[first..first + node.prim_count as usize]);
-            } else {
-                open.extend([first + 1, first]);
-            }
+/// Appends the primitives below a node of a binary tree to `order`.
+fn gather(tree: &Bvh2, at: usize, order: &mut Vec<u32>) {
+    let mut open = vec![at];
+    while let Some(at) = open.pop() {
+        let node = &tree.nodes[at];
+        let first = node.first_index as usize;
+        if node.is_leaf() {
+            order.extend_from_slice(&tree.primitive_indices[first..first + node.prim_count as usize]);
+        } else {
+            open.extend([first + 1, first]);
         }
     }
 }

@@ -69,9 +69,10 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         let (start, begun) = (Instant::now(), clock(all));
         let tree = StrandTree::new(strands.clone(), shape);
         println!(
-            "{shape:?}: BVH in {:.2} s of one thread, {:.2} s by the clock",
+            "{shape:?}: BVH in {:.2} s of one thread, {:.2} s by the clock, {:.1} MB",
             clock(all) - begun,
-            start.elapsed().as_secs_f64()
+            start.elapsed().as_secs_f64(),
+            tree.memory_bytes() as f64 / 1e6
         );
         for (name, rays) in [("from all sides", &near), ("the same, 1 m farther off", &far), ("of a camera", &camera)] {
             // The best of three runs, as others use the machine too.
@@ -82,16 +83,16 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
                 best = best.min(clock(all) - begun);
             }
             println!("  rays {name}: {:.2} M/s, {hits} hits", rays.len() as f64 / best / 1e6);
-            let (mut nodes, mut groups, mut segments) = (0, 0, 0);
+            let (mut nodes, mut bundles, mut segments) = (0, 0, 0);
             for cost in rays.iter().step_by(10).map(|(o, w)| tree.cost(*o, *w)) {
                 nodes += cost.nodes;
-                groups += cost.groups;
+                bundles += cost.bundles;
                 segments += cost.segments;
             }
             let mean = |n: u64| n as f64 / (rays.len() as f64 / 10.0);
-            let (nodes, groups, segments) = (mean(nodes), mean(groups), mean(segments));
+            let (nodes, bundles, segments) = (mean(nodes), mean(bundles), mean(segments));
             println!(
-                "    a ray: {nodes:.1} nodes of four boxes, {groups:.1} groups of four chords, {segments:.1} segments"
+                "    a ray: {nodes:.1} nodes of eight boxes, {bundles:.1} bundles of eight capsules, {segments:.1} segments"
             );
         }
     }
