@@ -122,9 +122,9 @@ impl Wide {
         Some((self.bundles.get(at as usize)?, self.firsts.get(at as usize)?))
     }
 
-    /// Calls `visit` for each bundle whose box the ray hits, with the first control points of its segments and
-    /// the current largest distance, and at the end with `None`; `visit` returns the new largest distance.
-    /// Returns the number of tested nodes.
+    /// Calls `visit` for each bundle whose box the ray hits, with the first control points of its segments
+    /// and the current largest distance, and at the end with `None`; `visit` returns the new largest
+    /// distance. Returns the number of tested nodes.
     #[inline(always)]
     pub fn traverse<const FMA: bool>(
         &self,
