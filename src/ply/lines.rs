@@ -101,29 +101,33 @@ impl PassedLines {
     pub(crate) fn mean(&self, theta_i: f32, low: f32, high: f32) -> f32 {
         // A negative latitude is the mirror image: the ply is rotated about y.
         let (theta, [low, high]) = if theta_i < 0.0 { (-theta_i, [-high, -low]) } else { (theta_i, [low, high]) };
-        let [low, high] = [low, high].map(|h| h / self.last_h_um);
+        let per = 1.0 / self.last_h_um;
+        let (low, high) = (per * low, per * high);
         if low >= 1.0 || high <= -1.0 {
             return 1.0;
         }
         const PER_ROW: f32 = ((PASSED_ROWS - 1) as f64 / FRAC_PI_2) as f32;
-        let place = |x: f32, count: usize| {
-            let node = (x as usize).min(count - 2);
-            (node, x - node as f32)
-        };
-        let (row, s) = place(min(theta * PER_ROW, (PASSED_ROWS - 1) as f32), PASSED_ROWS);
-        let until = |h: f32| {
-            let inside = min(max(h, -1.0), 1.0);
-            let (column, t) = place((inside + 1.0) * (0.5 * (PASSED_COLUMNS - 1) as f32), PASSED_COLUMNS);
-            let of = |row: usize| {
-                let at = row * PASSED_COLUMNS + column;
-                let [a, b] = [self.sums[at], self.sums[at + 1]];
-                a + t * (b - a)
-            };
-            let [a, b] = [of(row), of(row + 1)];
-            a + s * (b - a) + (h - inside)
-        };
-        min(max((until(high) - until(low)) / max(high - low, 1e-6), 0.0), 1.0)
+        let row = node(min(theta * PER_ROW, (PASSED_ROWS - 1) as f32), PASSED_ROWS);
+        min(max((self.until(row, high) - self.until(row, low)) / max(high - low, 1e-6), 0.0), 1.0)
     }
+
+    /// The integral of r_d up to an offset, both relative to the last offset.
+    #[inline(always)]
+    fn until(&self, (row, s): (usize, f32), h: f32) -> f32 {
+        let inside = min(max(h, -1.0), 1.0);
+        let (column, t) = node((inside + 1.0) * (0.5 * (PASSED_COLUMNS - 1) as f32), PASSED_COLUMNS);
+        let at = row * PASSED_COLUMNS + column;
+        let Some([a, b, .., c, d]) = self.sums[at..].first_chunk::<{ PASSED_COLUMNS + 2 }>() else { return 0.0 };
+        let (low, high) = (a + t * (b - a), c + t * (d - c));
+        low + s * (high - low) + (h - inside)
+    }
+}
+
+/// The node of a table of `count` before `x`, and the way to the next.
+#[inline(always)]
+fn node(x: f32, count: usize) -> (usize, f32) {
+    let node = (x as usize).min(count - 2);
+    (node, x - node as f32)
 }
 
 #[cfg(test)]

@@ -175,6 +175,7 @@ impl PlyModel {
 
     /// Positions where the light of one incidence leaves a ply of this radius [um].
     #[doc(hidden)]
+    #[inline(always)]
     pub fn exits_at(&self, theta_i: f32, h_um: f32, radius_um: f32) -> ExitsAt {
         match &self.exits {
             Some(exits) => exits.at(theta_i, h_um),

@@ -122,19 +122,18 @@ impl Relief {
             x[kind] = min(max(h_um - [1.0, 0.5][kind] * self.fiber_um * sine, -ring), ring);
         }
         // The fibers whose bumps can overlap an offset: those within the width, widened by the jitter.
-        let row = |end: f32| (place.azimuth - about_asin(end / ring)) / spacing - 0.5;
-        let first = (row(max(x[0] + width[0], x[1] + width[1])) - JITTER).ceil();
-        let last = (row(min(x[0] - width[0], x[1] - width[1])) + JITTER).floor();
+        let per_ring = 1.0 / ring;
+        let first = about_asin(per_ring * max(x[0] + width[0], x[1] + width[1]));
+        let last = about_asin(per_ring * min(x[0] - width[0], x[1] - width[1]));
+        let per_spacing = 1.0 / spacing;
+        let first = ((place.azimuth - first) * per_spacing - (0.5 + JITTER)).ceil();
+        let last = ((place.azimuth - last) * per_spacing - (0.5 - JITTER)).floor();
         let count = ((last - first) as i32 + 1).clamp(0, self.count as i32) as usize;
         let sums = self.bumps(place, (first, count), x, width);
         let mut factors = [1.0; 2];
         for kind in 0..2 {
             if contrast[kind] > MIN_CONTRAST {
                 // The integral over the part of the bump that lies on the ring.
-                let upto = |t: f32| {
-                    let t = min(max(t, -1.0), 1.0);
-                    t * (1.0 - t * t * (2.0 / 3.0 - 0.2 * t * t))
-                };
                 let (x, width) = (x[kind], width[kind]);
                 let integral = upto((ring - x) / width) + upto((ring + x) / width);
                 let m = spacing * ring * sums[kind] / (width * max(integral, 0.1));
@@ -176,6 +175,13 @@ impl Relief {
         }
         [halves(sums[0]), halves(sums[1])]
     }
+}
+
+/// Integral of a bump from its middle to `t` half-widths.
+#[inline(always)]
+fn upto(t: f32) -> f32 {
+    let t = min(max(t, -1.0), 1.0);
+    t * (1.0 - t * t * (2.0 / 3.0 - 0.2 * t * t))
 }
 
 /// Arc sine within 7e-5 [rad] (Abramowitz and Stegun 1964, 4.4.45), of a number clamped to [-1, 1].
