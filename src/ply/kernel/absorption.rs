@@ -22,7 +22,7 @@ pub(in crate::ply) type Transmittances<const J: usize> = [[f32; BLOCK]; J];
 
 /// Transmittances of the path lengths for the first block of absorptions. A kernel begins with them because
 /// the exponentials depend on no other result.
-#[multiversion(targets("x86_64+avx2+bmi1+bmi2+fma"))]
+#[multiversion(targets("x86_64+avx512f+avx512bw+avx512dq+avx512vl+avx2+bmi1+bmi2+fma", "x86_64+avx2+bmi1+bmi2+fma"))]
 pub(in crate::ply) fn first_transmittances<const J: usize>(path: &[f32; J], sigma: &[f32]) -> Transmittances<J> {
     const FMA: bool = target_cfg_f!(target_feature = "fma") || cfg!(target_arch = "aarch64");
     transmittances::<FMA, J>(path, &some(sigma))
@@ -314,7 +314,7 @@ pub(in crate::ply) struct LobeTransmittances<'a> {
 // The following are functions of their own, not inlined: inlined beside the lobes, the compiler would
 // vectorize neither.
 
-#[multiversion(targets("x86_64+avx2+bmi1+bmi2+fma"))]
+#[multiversion(targets("x86_64+avx512f+avx512bw+avx512dq+avx512vl+avx2+bmi1+bmi2+fma", "x86_64+avx2+bmi1+bmi2+fma"))]
 fn absorb_block<'a, const PDF: bool, const J: usize>(
     (of, t): (&Spectra<'a, J>, &Transmittances<J>),
     light: [&[f32; J]; 2],
@@ -338,7 +338,7 @@ fn absorb_block<'a, const PDF: bool, const J: usize>(
     OverSigma { energy: sum(sigma.len(), &energy), density: sum(sigma.len(), &density) }
 }
 
-#[multiversion(targets("x86_64+avx2+bmi1+bmi2+fma"))]
+#[multiversion(targets("x86_64+avx512f+avx512bw+avx512dq+avx512vl+avx2+bmi1+bmi2+fma", "x86_64+avx2+bmi1+bmi2+fma"))]
 fn absorb_known<const J: usize>(
     block: &PathBlock<J>,
     light: [&[f32; J]; 2],
@@ -353,7 +353,7 @@ fn absorb_known<const J: usize>(
     }
 }
 
-#[multiversion(targets("x86_64+avx2+bmi1+bmi2+fma"))]
+#[multiversion(targets("x86_64+avx512f+avx512bw+avx512dq+avx512vl+avx2+bmi1+bmi2+fma", "x86_64+avx2+bmi1+bmi2+fma"))]
 fn path_block<'a, const J: usize>(
     (of, t): (&Spectra<'a, J>, &Transmittances<J>),
     sigma: &[f32],
@@ -380,7 +380,7 @@ fn path_block<'a, const J: usize>(
 }
 
 /// Writes the transmittance of each lobe at a single absorption; returns the energy of f_high.
-#[multiversion(targets("x86_64+avx2+bmi1+bmi2+fma"))]
+#[multiversion(targets("x86_64+avx512f+avx512bw+avx512dq+avx512vl+avx2+bmi1+bmi2+fma", "x86_64+avx2+bmi1+bmi2+fma"))]
 fn lobes_of_one<'a, const H: usize, const J: usize>(
     of: &Spectra<'a, J>,
     spectra: &[[f32; J]; H],
@@ -406,7 +406,7 @@ fn lobes_of_one<'a, const H: usize, const J: usize>(
 /// Writes the transmittances of the lobes at one block of absorptions. The numbers are: absorptions from the
 /// block's first on; all absorptions; the index of the block's first; and how many from there on are included
 /// in the sums.
-#[multiversion(targets("x86_64+avx2+bmi1+bmi2+fma"))]
+#[multiversion(targets("x86_64+avx512f+avx512bw+avx512dq+avx512vl+avx2+bmi1+bmi2+fma", "x86_64+avx2+bmi1+bmi2+fma"))]
 fn lobes_block<'a, const H: usize, const J: usize>(
     (of, t): (&Spectra<'a, J>, &Transmittances<J>),
     spectra: &[[f32; J]; H],
@@ -449,7 +449,7 @@ pub(super) fn energies_by_sigma<const FMA: bool, const J: usize>(
 }
 
 /// Energies beyond the first block of absorptions.
-#[multiversion(targets("x86_64+avx2+bmi1+bmi2+fma"))]
+#[multiversion(targets("x86_64+avx512f+avx512bw+avx512dq+avx512vl+avx2+bmi1+bmi2+fma", "x86_64+avx2+bmi1+bmi2+fma"))]
 fn more_energies<const J: usize>(spectrum: &[f32; J], path: &[f32; J], sigma: &[f32], energies: &mut [f32]) {
     const FMA: bool = target_cfg_f!(target_feature = "fma") || cfg!(target_arch = "aarch64");
     for (sigma, energies) in sigma.chunks(BLOCK).zip(energies.chunks_mut(BLOCK)).skip(1) {

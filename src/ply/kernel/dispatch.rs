@@ -34,7 +34,7 @@ macro_rules! kernel {
             }
         }
 
-        #[multiversion(targets("x86_64+avx2+bmi1+bmi2+fma"))]
+        #[multiversion(targets("x86_64+avx512f+avx512bw+avx512dq+avx512vl+avx2+bmi1+bmi2+fma", "x86_64+avx2+bmi1+bmi2+fma"))]
         fn $cone$(<$life>)?($t: &Fast<MORE>, $($arg: $type),*) -> $out {
             const $fma: bool = target_cfg_f!(target_feature = "fma") || cfg!(target_arch = "aarch64");
             const $l: usize = LANES;
@@ -49,7 +49,7 @@ macro_rules! kernel {
             $cone_body
         }
 
-        #[multiversion(targets("x86_64+avx2+bmi1+bmi2+fma"))]
+        #[multiversion(targets("x86_64+avx512f+avx512bw+avx512dq+avx512vl+avx2+bmi1+bmi2+fma", "x86_64+avx2+bmi1+bmi2+fma"))]
         fn $fast<$($life,)? const H: usize>($t: &Fast<H>, $($arg: $type),*) -> $out {
             const $fma: bool = target_cfg_f!(target_feature = "fma") || cfg!(target_arch = "aarch64");
             const $l: usize = LANES;
@@ -378,7 +378,7 @@ fn prepare(
 /// Declares a kernel of prepared lobes, compiled for several instruction sets.
 macro_rules! prepared {
     ($name:ident <$($life:lifetime)? $($h:ident)?>, ($($arg:ident: $type:ty),*) -> $out:ty, |$fma:ident| $body:expr) => {
-        #[multiversion(targets("x86_64+avx2+bmi1+bmi2+fma"))]
+        #[multiversion(targets("x86_64+avx512f+avx512bw+avx512dq+avx512vl+avx2+bmi1+bmi2+fma", "x86_64+avx2+bmi1+bmi2+fma"))]
         fn $name<$($life,)? $(const $h: usize)?>($($arg: $type),*) -> $out {
             const $fma: bool = target_cfg_f!(target_feature = "fma") || cfg!(target_arch = "aarch64");
             $body

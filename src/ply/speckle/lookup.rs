@@ -3,7 +3,7 @@
 
 use super::field::{NoiseField, TABLE, TABLE_BITS};
 use crate::math::hash::mix32;
-use crate::math::simd::{atan2, fma, max, min, signed, sin_cos_half_turns};
+use crate::math::simd::{atan2, fma, halves, max, min, signed, sin_cos_half_turns};
 use crate::ply::PlyPlace;
 use multiversion::{multiversion, target::target_cfg_f};
 use std::f32::consts::{FRAC_1_PI, PI};
@@ -109,23 +109,29 @@ impl FiberSources {
         let whole = cell.floor();
         (x.past, x.scale) = (min(max(cell - whole, 0.0), 1.0), 1.0);
         let mut weights = x.weights::<FMA>();
-        x.scale = share / total(&weights.map(|w| w * w)).sqrt();
-        weights.iter_mut().for_each(|w| *w *= x.scale);
+        let mut squares = [0.0; CELLS];
+        for s in 0..CELLS {
+            squares[s] = weights[s] * weights[s];
+        }
+        x.scale = share / halves(squares).sqrt();
+        for w in &mut weights {
+            *w *= x.scale;
+        }
         let lowest = (whole as i32).wrapping_sub(CELLS as i32 / 2 - 1) as u32;
-        let shifts = [1, 2, 3].map(|k| mix32(key.wrapping_add(k)));
+        let shifts = [mix32(key.wrapping_add(1)), mix32(key.wrapping_add(2)), mix32(key.wrapping_add(3))];
         let (mut words, mut quantiles) = ([0; CELLS], [[0; CELLS]; 3]);
         for s in 0..CELLS {
             let cell = lowest.wrapping_add(s as u32);
             words[s] = mix32(key ^ cell.wrapping_mul(SPREAD));
-            for (k, step) in [STEPS[0], STEPS[0], STEPS[1]].into_iter().enumerate() {
-                quantiles[k][s] = shifts[k].wrapping_add(cell.wrapping_mul(step));
-            }
+            quantiles[0][s] = shifts[0].wrapping_add(cell.wrapping_mul(STEPS[0]));
+            quantiles[1][s] = shifts[1].wrapping_add(cell.wrapping_mul(STEPS[0]));
+            quantiles[2][s] = shifts[2].wrapping_add(cell.wrapping_mul(STEPS[1]));
         }
         x.look_up(field, &words, &quantiles);
-        let root = field.share.map(f32::sqrt);
-        for (kind, of) in x.kinds.iter_mut().enumerate() {
+        for kind in 0..2 {
+            let (of, root) = (&mut x.kinds[kind], field.share[kind].sqrt());
             for s in 0..CELLS {
-                of.size[s] *= root[kind] * weights[s];
+                of.size[s] *= root * weights[s];
                 of.phase[s] = (words[s] >> (16 * kind as u32 + TABLE_BITS) & 0x7f) as i32 as f32 * (1.0 / 64.0);
             }
         }
@@ -147,10 +153,10 @@ impl FiberSources {
     #[inline(always)]
     fn weights<const FMA: bool>(&self) -> [f32; CELLS] {
         let mut weights = [0.0; CELLS];
-        for (s, w) in weights.iter_mut().enumerate() {
+        for s in 0..CELLS {
             let d = ((s as i32 - (CELLS as i32 / 2 - 1)) as f32 - self.past) * (2.0 / CELLS as f32);
             let open = fma::<FMA>(-d, d, 1.0);
-            *w = self.scale * (open * open * open);
+            weights[s] = self.scale * (open * open * open);
         }
         weights
     }
@@ -180,7 +186,7 @@ fn position(table: &[f32; TABLE], quantile: u32) -> f32 {
     signed(table[((quantile ^ below) >> (31 - TABLE_BITS)) as usize % TABLE], below & 1 << 31)
 }
 
-#[multiversion(targets("x86_64+avx2+bmi1+bmi2+fma"))]
+#[multiversion(targets("x86_64+avx512f+avx512bw+avx512dq+avx512vl+avx2+bmi1+bmi2+fma", "x86_64+avx2+bmi1+bmi2+fma"))]
 fn speckle<const N: usize>(
     field: &NoiseField,
     place: &PlyPlace,
@@ -206,22 +212,17 @@ fn speckle<const N: usize>(
     let (sin, cos, _) = sin_cos_half_turns::<FMA>(0.5 * t * t * (3.0 - 2.0 * t));
     let of_ply = mix32(place.ply ^ field.seed);
     let count = field.around.count;
-    let number = |i: f32| {
-        let at = first + i - count * ((first + i) / count).floor();
-        // Rounding may give a number equal to the count.
-        if at < count { max(at, 0.0) as u32 } else { 0 }
-    };
     let mut x = Speckle {
         sin_i,
         fibers: [FiberSources::NONE; 2],
         two: t > 0.0,
-        constant: field.share.map(|b| (1.0 - b).sqrt()),
+        constant: [(1.0 - field.share[0]).sqrt(), (1.0 - field.share[1]).sqrt()],
         per_um: [0.0; N],
         fade: [[0.0; N]; 2],
     };
-    x.fibers[0].fill::<FMA>(field, of_ply, number(0.0), place.along_um, cos.abs());
+    x.fibers[0].fill::<FMA>(field, of_ply, number_of(first, count), place.along_um, cos.abs());
     if x.two {
-        x.fibers[1].fill::<FMA>(field, of_ply, number(1.0), place.along_um, sin.abs());
+        x.fibers[1].fill::<FMA>(field, of_ply, number_of(first + 1.0, count), place.along_um, sin.abs());
     }
     for k in 0..N {
         let ratio = lambda_um[k] / field.lambda_um;
@@ -235,19 +236,19 @@ fn speckle<const N: usize>(
     x
 }
 
+/// The number of the fiber in a row, which may be any of the plies' turns.
+#[inline(always)]
+fn number_of(row: f32, count: f32) -> u32 {
+    let at = row - count * (row / count).floor();
+    // Rounding may give a number equal to the count.
+    if at < count { max(at, 0.0) as u32 } else { 0 }
+}
+
 /// The sine of a latitude beyond 4 rad; 0 for NaN and infinity.
 #[cold]
 #[inline(never)]
 fn beyond(theta_i: f32) -> f32 {
     if theta_i.is_finite() { theta_i.sin() } else { 0.0 }
-}
-
-/// Sum of an array by halves, which vectorizes.
-#[inline(always)]
-fn total(x: &[f32; CELLS]) -> f32 {
-    let x: [f32; 8] = std::array::from_fn(|i| x[i] + x[i + 8]);
-    let x: [f32; 4] = std::array::from_fn(|i| x[i] + x[i + 4]);
-    (x[0] + x[2]) + (x[1] + x[3])
 }
 
 impl<const N: usize> Speckle<N> {
@@ -270,7 +271,7 @@ impl<const N: usize> Speckle<N> {
                 (re[s], im[s]) = (fma::<FMA>(size, cos, re[s]), fma::<FMA>(size, sin, im[s]));
             }
         }
-        [total(&re), total(&im)]
+        [halves(re), halves(im)]
     }
 
     /// The visible fibers.
@@ -282,13 +283,14 @@ impl<const N: usize> Speckle<N> {
 
 /// sqrt(b) g in the blend beside the seam. Both sides have the same sources, so the power of the blend is not
 /// the sum of their powers.
-#[multiversion(targets("x86_64+avx2+bmi1+bmi2+fma"))]
+#[multiversion(targets("x86_64+avx512f+avx512bw+avx512dq+avx512vl+avx2+bmi1+bmi2+fma", "x86_64+avx2+bmi1+bmi2+fma"))]
 fn at_seam<const N: usize>(speckle: &Speckle<N>, kind: usize, k: usize, at: &PatternPoint) -> [f32; 2] {
     const FMA: bool = target_cfg_f!(target_feature = "fma") || cfg!(target_arch = "aarch64");
     let per = speckle.per_um[k];
     let (sin, cos, _) = sin_cos_half_turns::<FMA>(0.25 * at.blend);
     let (sin, cos) = (sin.abs(), cos.abs());
-    let [own, other] = [at.u, at.other].map(|u| speckle.waves::<FMA>(kind, u * per, at.v * per));
+    let own = speckle.waves::<FMA>(kind, at.u * per, at.v * per);
+    let other = speckle.waves::<FMA>(kind, at.other * per, at.v * per);
     let between = (at.u - at.other) * per;
     let mut both = [0.0; CELLS];
     for fiber in speckle.visible() {
@@ -298,12 +300,12 @@ fn at_seam<const N: usize>(speckle: &Speckle<N>, kind: usize, k: usize, at: &Pat
             both[s] = fma::<FMA>(weights[s] * weights[s], signed(cos, sign), both[s]);
         }
     }
-    let power = 1.0 + 2.0 * sin * cos * total(&both);
+    let power = 1.0 + 2.0 * sin * cos * halves(both);
     let scale = 1.0 / max(power, 1e-3).sqrt();
-    [0, 1].map(|i| scale * (cos * own[i] + sin * other[i]))
+    [scale * (cos * own[0] + sin * other[0]), scale * (cos * own[1] + sin * other[1])]
 }
 
-#[multiversion(targets("x86_64+avx2+bmi1+bmi2+fma"))]
+#[multiversion(targets("x86_64+avx512f+avx512bw+avx512dq+avx512vl+avx2+bmi1+bmi2+fma", "x86_64+avx2+bmi1+bmi2+fma"))]
 fn factors<const N: usize>(speckle: &Speckle<N>, wo: [f32; 3]) -> ([f32; N], [f32; N]) {
     const FMA: bool = target_cfg_f!(target_feature = "fma") || cfg!(target_arch = "aarch64");
     let [x, y, z] = wo;
@@ -318,7 +320,8 @@ fn factors<const N: usize>(speckle: &Speckle<N>, wo: [f32; 3]) -> ([f32; N], [f3
         PatternPoint::new(beta, min(x * x + y * y, 1.0).sqrt(), z),
     ];
     let mut factors = [[1.0; N]; 2];
-    for (kind, at) in points.iter().enumerate() {
+    for kind in 0..2 {
+        let at = &points[kind];
         for k in 0..N {
             let [re, im] = if at.blend > 0.0 {
                 at_seam(speckle, kind, k, at)
