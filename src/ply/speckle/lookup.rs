@@ -251,6 +251,19 @@ fn beyond(theta_i: f32) -> f32 {
     if theta_i.is_finite() { theta_i.sin() } else { 0.0 }
 }
 
+/// Sums of every fourth number, which vectorize.
+#[inline(always)]
+fn quarters(x: &[f32; CELLS]) -> [f32; 4] {
+    let (mut eight, mut four) = ([0.0; 8], [0.0; 4]);
+    for s in 0..8 {
+        eight[s] = x[s] + x[s + 8];
+    }
+    for s in 0..4 {
+        four[s] = eight[s] + eight[s + 4];
+    }
+    four
+}
+
 impl<const N: usize> Speckle<N> {
     /// The factors on f_refl and on f_high in a direction.
     #[inline]
@@ -258,51 +271,71 @@ impl<const N: usize> Speckle<N> {
         factors(self, wo)
     }
 
-    /// sqrt(b) g of a kind at a point [half turns / um].
+    /// sqrt(b) g of a kind at a point, at each wavelength. F is the number of visible fibers.
     #[inline(always)]
-    fn waves<const FMA: bool>(&self, kind: usize, u: f32, v: f32) -> [f32; 2] {
-        let (mut re, mut im) = ([0.0; CELLS], [0.0; CELLS]);
-        for fiber in self.visible() {
-            let of = &fiber.kinds[kind];
-            for s in 0..CELLS {
-                let turns = fma::<FMA>(of.across_um[s], u, fma::<FMA>(fiber.along_um[s], v, of.phase[s]));
-                let (sin, cos, sign) = sin_cos_half_turns::<FMA>(turns);
-                let size = signed(of.size[s], sign);
-                (re[s], im[s]) = (fma::<FMA>(size, cos, re[s]), fma::<FMA>(size, sin, im[s]));
+    fn waves<const FMA: bool, const F: usize>(&self, kind: usize, [u, v]: [f32; 2]) -> [[f32; 2]; N] {
+        let (mut re, mut im) = ([[0.0; 4]; N], [[0.0; 4]; N]);
+        for k in 0..N {
+            let (u, v) = (u * self.per_um[k], v * self.per_um[k]);
+            let (mut x, mut y) = ([0.0; CELLS], [0.0; CELLS]);
+            for f in 0..F {
+                let (fiber, of) = (&self.fibers[f], &self.fibers[f].kinds[kind]);
+                for s in 0..CELLS {
+                    let turns = fma::<FMA>(of.across_um[s], u, fma::<FMA>(fiber.along_um[s], v, of.phase[s]));
+                    let (sin, cos, sign) = sin_cos_half_turns::<FMA>(turns);
+                    let size = signed(of.size[s], sign);
+                    (x[s], y[s]) = (fma::<FMA>(size, cos, x[s]), fma::<FMA>(size, sin, y[s]));
+                }
             }
+            (re[k], im[k]) = (quarters(&x), quarters(&y));
         }
-        [halves(re), halves(im)]
-    }
-
-    /// The visible fibers.
-    #[inline(always)]
-    fn visible(&self) -> &[FiberSources] {
-        if self.two { &self.fibers } else { &self.fibers[..1] }
+        let mut sums = [[0.0; 2]; N];
+        for k in 0..N {
+            sums[k][0] = (re[k][0] + re[k][2]) + (re[k][1] + re[k][3]);
+            sums[k][1] = (im[k][0] + im[k][2]) + (im[k][1] + im[k][3]);
+        }
+        sums
     }
 }
 
-/// sqrt(b) g in the blend beside the seam. Both sides have the same sources, so the power of the blend is not
-/// the sum of their powers.
-#[multiversion(targets("x86_64+avx512f+avx512bw+avx512dq+avx512vl+avx2+bmi1+bmi2+fma", "x86_64+avx2+bmi1+bmi2+fma"))]
-fn at_seam<const N: usize>(speckle: &Speckle<N>, kind: usize, k: usize, at: &PatternPoint) -> [f32; 2] {
+/// Blends `waves`, sqrt(b) g on this side of the seam, with that of the other side. Both sides have the same
+/// sources, so the power of the blend is not the sum of their powers.
+#[multiversion(targets(
+    "x86_64+avx512f+avx512bw+avx512dq+avx512vl+avx2+bmi1+bmi2+fma",
+    "x86_64+avx2+bmi1+bmi2+fma"
+))]
+fn blend_at_seam<const F: usize, const N: usize>(
+    speckle: &Speckle<N>,
+    kind: usize,
+    at: &PatternPoint,
+    waves: &mut [[f32; 2]; N],
+) {
     const FMA: bool = target_cfg_f!(target_feature = "fma") || cfg!(target_arch = "aarch64");
-    let per = speckle.per_um[k];
     let (sin, cos, _) = sin_cos_half_turns::<FMA>(0.25 * at.blend);
     let (sin, cos) = (sin.abs(), cos.abs());
-    let own = speckle.waves::<FMA>(kind, at.u * per, at.v * per);
-    let other = speckle.waves::<FMA>(kind, at.other * per, at.v * per);
-    let between = (at.u - at.other) * per;
-    let mut both = [0.0; CELLS];
-    for fiber in speckle.visible() {
-        let (weights, of) = (fiber.weights::<FMA>(), &fiber.kinds[kind]);
+    let other = speckle.waves::<FMA, F>(kind, [at.other, at.v]);
+    let mut powers = [[0.0; CELLS]; F];
+    for f in 0..F {
+        let weights = speckle.fibers[f].weights::<FMA>();
         for s in 0..CELLS {
-            let (_, cos, sign) = sin_cos_half_turns::<FMA>(of.across_um[s] * between);
-            both[s] = fma::<FMA>(weights[s] * weights[s], signed(cos, sign), both[s]);
+            powers[f][s] = weights[s] * weights[s];
         }
     }
-    let power = 1.0 + 2.0 * sin * cos * halves(both);
-    let scale = 1.0 / max(power, 1e-3).sqrt();
-    [scale * (cos * own[0] + sin * other[0]), scale * (cos * own[1] + sin * other[1])]
+    for k in 0..N {
+        let between = (at.u - at.other) * speckle.per_um[k];
+        let mut both = [0.0; CELLS];
+        for f in 0..F {
+            let of = &speckle.fibers[f].kinds[kind];
+            for s in 0..CELLS {
+                let (_, cos, sign) = sin_cos_half_turns::<FMA>(of.across_um[s] * between);
+                both[s] = fma::<FMA>(powers[f][s], signed(cos, sign), both[s]);
+            }
+        }
+        let power = 1.0 + 2.0 * sin * cos * halves(both);
+        let scale = 1.0 / max(power, 1e-3).sqrt();
+        waves[k][0] = scale * (cos * waves[k][0] + sin * other[k][0]);
+        waves[k][1] = scale * (cos * waves[k][1] + sin * other[k][1]);
+    }
 }
 
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512dq+avx512vl+avx2+bmi1+bmi2+fma", "x86_64+avx2+bmi1+bmi2+fma"))]
@@ -322,12 +355,20 @@ fn factors<const N: usize>(speckle: &Speckle<N>, wo: [f32; 3]) -> ([f32; N], [f3
     let mut factors = [[1.0; N]; 2];
     for kind in 0..2 {
         let at = &points[kind];
+        let mut waves;
+        if speckle.two {
+            waves = speckle.waves::<FMA, 2>(kind, [at.u, at.v]);
+            if at.blend > 0.0 {
+                blend_at_seam::<2, N>(speckle, kind, at, &mut waves);
+            }
+        } else {
+            waves = speckle.waves::<FMA, 1>(kind, [at.u, at.v]);
+            if at.blend > 0.0 {
+                blend_at_seam::<1, N>(speckle, kind, at, &mut waves);
+            }
+        }
         for k in 0..N {
-            let [re, im] = if at.blend > 0.0 {
-                at_seam(speckle, kind, k, at)
-            } else {
-                speckle.waves::<FMA>(kind, at.u * speckle.per_um[k], at.v * speckle.per_um[k])
-            };
+            let [re, im] = waves[k];
             let re = re + speckle.constant[kind];
             let n = fma::<FMA>(re, re, im * im);
             factors[kind][k] = fma::<FMA>(speckle.fade[kind][k], n - 1.0, 1.0);
