@@ -71,6 +71,18 @@ fn put(to: &mut [f32], [i, j, k, l]: &[f32; BLOCK]) {
     }
 }
 
+/// Adds as many numbers of a block as `to` holds.
+#[inline(always)]
+fn add(to: &mut [f32], [i, j, k, l]: &[f32; BLOCK]) {
+    match to {
+        [a, b, c, d, ..] => (*a, *b, *c, *d) = (*a + i, *b + j, *c + k, *d + l),
+        [a, b, c] => (*a, *b, *c) = (*a + i, *b + j, *c + k),
+        [a, b] => (*a, *b) = (*a + i, *b + j),
+        [a] => *a += i,
+        [] => (),
+    }
+}
+
 /// The sum of the first `count` numbers of a block.
 #[inline(always)]
 fn sum(count: usize, numbers: &[f32; BLOCK]) -> f32 {
@@ -430,6 +442,68 @@ fn lobes_block<'a, const H: usize, const J: usize>(
         put(after_mut(to.lobes.get_mut(l * all..(l + 1) * all).unwrap_or(&mut []), first), &value);
     }
     sum(count, &energy)
+}
+
+/// Spectra of W queries: of the simulated energy, of the energy of all lobes together, and of their values.
+pub(in crate::ply) struct Light<const W: usize, const J: usize> {
+    pub(in crate::ply) simulated: [[f32; J]; W],
+    pub(in crate::ply) all: [[f32; J]; W],
+    pub(in crate::ply) value: [[f32; J]; W],
+}
+
+/// Adds f_high of W queries at each of `count` absorptions to `f`, `[query][absorption]` flat. `sigma` has as
+/// many numbers.
+#[inline(always)]
+pub(in crate::ply) fn absorb_queries<const W: usize, const J: usize>(
+    path: &[f32; J],
+    light: &Light<W, J>,
+    (sigma, count): (&[f32], usize),
+    f: &mut [f32],
+) {
+    let mut first = 0;
+    while first < count {
+        let (mut of, mut high) = ([[0.0; BLOCK]; W], [[0.0; BLOCK]; W]);
+        for (of, sigma) in of.iter_mut().zip(sigma.chunks_exact(count)) {
+            *of = some(after(sigma, first));
+        }
+        block_of_queries(path, light, &of, &mut high);
+        for (f, high) in f.chunks_exact_mut(count).zip(&high) {
+            add(after_mut(f, first), high);
+        }
+        first += BLOCK;
+    }
+}
+
+/// f_high of W queries at a block of absorptions each.
+#[multiversion(targets("x86_64+avx512f+avx512bw+avx512dq+avx512vl+avx2+bmi1+bmi2+fma", "x86_64+avx2+bmi1+bmi2+fma"))]
+fn block_of_queries<const W: usize, const J: usize>(
+    path: &[f32; J],
+    light: &Light<W, J>,
+    sigma: &[[f32; BLOCK]; W],
+    high: &mut [[f32; BLOCK]; W],
+) {
+    const FMA: bool = target_cfg_f!(target_feature = "fma") || cfg!(target_arch = "aarch64");
+    // Path lengths come first: the lanes of a vector are absorptions of consecutive queries.
+    let mut t = [[[0.0; BLOCK]; W]; J];
+    for j in 0..J {
+        for (t, sigma) in t[j].as_flattened_mut().iter_mut().zip(sigma.as_flattened()) {
+            *t = exp2::<FMA>(*sigma * path[j]) + MIN_TRANSMITTANCE as f32;
+        }
+    }
+    let (mut energy, mut all) = ([[0.0; BLOCK]; W], [[0.0; BLOCK]; W]);
+    for q in 0..W {
+        let mut of = [[0.0; BLOCK]; J];
+        for j in 0..J {
+            of[j] = t[j][q];
+        }
+        energy[q] = absorb::<FMA, J>(&light.simulated[q], &of);
+        all[q] = absorb::<FMA, J>(&light.all[q], &of);
+        high[q] = absorb::<FMA, J>(&light.value[q], &of);
+    }
+    let (energy, all) = (energy.as_flattened(), all.as_flattened());
+    for ((high, energy), all) in high.as_flattened_mut().iter_mut().zip(energy).zip(all) {
+        *high *= energy / all;
+    }
 }
 
 /// Energies of f_high at each absorption, from their spectrum.

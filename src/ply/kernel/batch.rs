@@ -2,7 +2,7 @@
 //! arrays: each lane of a vector holds one lobe, and the dependent steps of one query overlap with those of
 //! the others.
 
-use super::absorption::{Spectra, by_path, first_transmittances};
+use super::absorption::{Light, absorb_queries, by_path};
 use super::energy::interpolate_node;
 use super::grid_cell::GridCells;
 use super::interpolate::{interpolate_high, interpolate_refl};
@@ -27,7 +27,8 @@ pub(in crate::ply) fn eval<const FMA: bool, const H: usize, const R: usize, cons
         high: Lobes::new(tables.min_energy_high),
         refl: Lobes::new(tables.min_energy_refl),
         spectrum: [[[0.0; J]; H]; W],
-        simulated: [(0.0, [0.0; J]); W],
+        refl_energy: [0.0; W],
+        light: Light { simulated: [[0.0; J]; W], all: [[0.0; J]; W], value: [[0.0; J]; W] },
     };
     for (chunk, f) in f.chunks_mut(W * queries.count.max(1)).enumerate() {
         let q = queries.from(chunk * W);
@@ -121,8 +122,9 @@ struct Scratch<const H: usize, const R: usize, const J: usize> {
     high: Lobes<H>,
     refl: Lobes<R>,
     spectrum: [[[f32; J]; H]; W],
-    /// Energy of f_refl, and spectrum of the energy of f_high, for each query.
-    simulated: [(f32, [f32; J]); W],
+    /// Simulated energy of f_refl.
+    refl_energy: [f32; W],
+    light: Light<W, J>,
 }
 
 /// Evaluates at most W queries with different incidences.
@@ -153,26 +155,26 @@ fn many<const FMA: bool, const H: usize, const R: usize, const J: usize>(
             s.spectrum[q] = high.spectrum;
             s.high.set(q, &high.params, v);
             s.refl.set(q, &refl, v);
-            s.simulated[q] = (node.refl, node.high);
+            (s.refl_energy[q], s.light.simulated[q]) = (node.refl, node.high);
         } else {
             hit[q] = 0;
         }
     }
     s.high.eval::<FMA>(tables.bandwidth);
     s.refl.eval::<FMA>(tables.bandwidth);
+    for q in 0..W {
+        s.light.all[q] = by_path::<FMA, H, J>(tables.pairs, &s.high.params[5][q], &s.spectrum[q]);
+        s.light.value[q] = by_path::<FMA, H, J>(tables.pairs, &s.high.value[q], &s.spectrum[q]);
+    }
     for (q, f) in f.chunks_exact_mut(count).enumerate().take(W) {
-        let Some(sigma) = queries.sigma(q).filter(|_| hit[q] != 0) else {
+        let refl = halves(s.refl.value[q]) * (s.refl_energy[q] / halves(s.refl.params[5][q]));
+        f.fill(refl);
+    }
+    absorb_queries(&tables.path, &s.light, (queries.sigma, count), f);
+    for (q, f) in f.chunks_exact_mut(count).enumerate().take(W) {
+        if hit[q] == 0 {
             f.fill(0.0);
-            continue;
-        };
-        let all = by_path::<FMA, H, J>(tables.pairs, &s.high.params[5][q], &s.spectrum[q]);
-        let value = by_path::<FMA, H, J>(tables.pairs, &s.high.value[q], &s.spectrum[q]);
-        let (simulated, high) = s.simulated[q];
-        let refl = halves(s.refl.value[q]) * (simulated / halves(s.refl.params[5][q]));
-        let first = first_transmittances(&tables.path, sigma);
-        let spectra = Spectra { path: &tables.path, simulated: high, all, first };
-        spectra.absorb::<false>([&value; 2], sigma, f);
-        f.iter_mut().for_each(|f| *f += refl);
+        }
     }
 }
 
