@@ -70,6 +70,13 @@ pub(in crate::ply) fn mix<const FMA: bool>(w: [f32; 4], x: [f32; 4]) -> f32 {
     fma::<FMA>(w[3], x[3], fma::<FMA>(w[2], x[2], fma::<FMA>(w[1], x[1], w[0] * x[0])))
 }
 
+/// A entries of a table from index `at` on, by one comparison.
+#[inline(always)]
+pub(in crate::ply) fn some<T, const A: usize>(table: &[T], at: u32) -> Option<&[T; A]> {
+    let at = at as usize;
+    table.get(at..at.wrapping_add(A))?.first_chunk()
+}
+
 /// Interpolated r_d and energies of the scattered light.
 #[derive(Clone, Copy)]
 pub(in crate::ply) struct Node<const J: usize> {
@@ -87,14 +94,13 @@ pub(in crate::ply) fn interpolate_node<const FMA: bool, const H: usize, const R:
 ) -> Option<Node<J>> {
     let mut r_d = 0.0;
     for a in 0..3 {
-        let [x, y, z] = tables.miss.get((p.miss.at + a as u32 * tables.grid.miss.row) as usize..)?.first_chunk()?;
+        let [x, y, z] = some(&tables.miss, p.miss.at + a as u32 * tables.grid.miss.row)?;
         let [u, v, w] = p.miss.wn;
         r_d = fma::<FMA>(p.miss.wm[a], fma::<FMA>(w, *z, fma::<FMA>(v, *y, u * x)), r_d);
     }
     let (mut refl, mut high) = (0.0, [0.0; J]);
     for a in 0..3 {
-        let row: &[Shares<J>; 3] =
-            tables.shares.get((p.shares.at + a as u32 * tables.grid.shares.row) as usize..)?.first_chunk()?;
+        let row: &[Shares<J>; 3] = some(&tables.shares, p.shares.at + a as u32 * tables.grid.shares.row)?;
         for b in 0..3 {
             let w = p.shares.wm[a] * p.shares.wn[b];
             refl = fma::<FMA>(w, row[b].refl, refl);

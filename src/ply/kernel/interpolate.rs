@@ -1,9 +1,9 @@
 //! Lobes at an incidence, interpolated from those at the nodes (f_refl, Catmull-Rom) and at the corners of
 //! the block (f_high, bilinear).
 
-use super::energy::mix;
+use super::energy::{mix, some};
 use super::grid_cell::GridCell;
-use super::layout::{High, Tables};
+use super::layout::{High, Refl, Tables};
 use crate::ply::asg::PARAMS;
 
 #[inline(always)]
@@ -11,12 +11,19 @@ pub(in crate::ply) fn interpolate_refl<const FMA: bool, const H: usize, const R:
     tables: &Tables<H, R, J>,
     p: &GridCell,
 ) -> Option<[[f32; R]; PARAMS]> {
-    let nodes = tables.refl.get(p.refl as usize..)?.first_chunk::<4>()?;
-    let node = |a: usize, b: usize| nodes[b].0[a].as_flattened();
+    let [a, b, c, d]: &[Refl<R>; 4] = some(&tables.refl, p.refl)?;
+    // Along h first: the nodes along theta_i are consecutive, and fill the widest vectors.
+    let (a, b) = (a.0.as_flattened().as_flattened(), b.0.as_flattened().as_flattened());
+    let (c, d) = (c.0.as_flattened().as_flattened(), d.0.as_flattened().as_flattened());
+    let mut along_h = [[[0.0; R]; PARAMS]; 4];
+    for (i, value) in along_h.as_flattened_mut().as_flattened_mut().iter_mut().enumerate() {
+        *value = mix::<FMA>(p.wn, [a[i], b[i], c[i], d[i]]);
+    }
+    let [a, b, c, d] = &along_h;
+    let (a, b, c, d) = (a.as_flattened(), b.as_flattened(), c.as_flattened(), d.as_flattened());
     let mut sum = [[0.0; R]; PARAMS];
     for (i, value) in sum.as_flattened_mut().iter_mut().enumerate() {
-        let along = |a: usize| mix::<FMA>(p.wn, [node(a, 0)[i], node(a, 1)[i], node(a, 2)[i], node(a, 3)[i]]);
-        *value = mix::<FMA>(p.wm, [along(0), along(1), along(2), along(3)]);
+        *value = mix::<FMA>(p.wm, [a[i], b[i], c[i], d[i]]);
     }
     Some(sum)
 }
