@@ -243,7 +243,8 @@ impl<L: Lobes<N>, const N: usize> Bsdf<N> for SingleLayer<'_, L, N> {
     fn sample(&self, u: [f32; 3]) -> BsdfSample<N> {
         match self.all().sample(u) {
             Drawn::Scattered(w, terms) => BsdfSample::scattered(w, self.placed(w, &terms), terms.pdf),
-            Drawn::Missed => BsdfSample::straight(self.straight(), self.outcomes().straight),
+            Drawn::Missed(Some((r_d, chance))) => BsdfSample::straight([r_d; N], chance),
+            Drawn::Missed(None) => BsdfSample::straight(self.straight(), self.outcomes().straight),
             Drawn::Absorbed => BsdfSample::Absorbed,
         }
     }

@@ -15,7 +15,8 @@ use crate::gap::Slit;
 /// A direction sampled from all terms, or another outcome of a sample.
 pub(crate) enum Drawn<const N: usize> {
     Scattered([f32; 3], PlyTerms<N>),
-    Missed,
+    /// Missed light that goes straight on, and if they are known its energy and probability.
+    Missed(Option<(f32, f32)>),
     Absorbed,
 }
 
@@ -71,13 +72,13 @@ impl<L: Lobes<N>, const N: usize> Terms<'_, L, N> {
         }
         // Missed light takes the end of the unit interval, so the rest of the number is uniform again and
         // chooses the wavelength.
-        self.sample_missed(1.0 - (1.0 - u[0]) / core.missed, u)
+        self.sample_missed(1.0 - (1.0 - u[0]) / core.missed, u, Some((core.r_d, core.missed)))
     }
 
     /// Samples the edge lobes, which scatter all missed light if the model has them and the query enables
     /// them.
-    fn sample_missed(&self, remaining: f32, u: [f32; 3]) -> Drawn<N> {
-        let Some(tables) = self.edge() else { return Drawn::Missed };
+    fn sample_missed(&self, remaining: f32, u: [f32; 3], known: Option<(f32, f32)>) -> Drawn<N> {
+        let Some(tables) = self.edge() else { return Drawn::Missed(known) };
         let q = self.query;
         match edge::sample(tables, q.theta_i, q.h_um, &q.lambda_um, unit([remaining, u[1], u[2]])) {
             Some(w) => Drawn::Scattered(w, self.eval_pdf(w)),
@@ -127,7 +128,7 @@ impl<L: Lobes<N>, const N: usize> Terms<'_, L, N> {
         match self.slit_direction(slit, u) {
             Ok(Some(w)) => Drawn::Scattered(w, self.slit_eval_pdf(slit, w)),
             Ok(None) => Drawn::Absorbed,
-            Err(remaining) => self.sample_missed(remaining, u),
+            Err(remaining) => self.sample_missed(remaining, u, None),
         }
     }
 

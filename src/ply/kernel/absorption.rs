@@ -83,6 +83,23 @@ fn add(to: &mut [f32], [i, j, k, l]: &[f32; BLOCK]) {
     }
 }
 
+/// The bits of the first numbers of a block, by their count. Comparisons with a count would be branches, and
+/// the numbers between them no vectors.
+const KEPT: [[u32; BLOCK]; BLOCK + 1] = {
+    const ALL: u32 = u32::MAX;
+    [[0; BLOCK], [ALL, 0, 0, 0], [ALL, ALL, 0, 0], [ALL, ALL, ALL, 0], [ALL; BLOCK]]
+};
+
+/// The first `count` numbers of a block, and zeros.
+#[inline(always)]
+fn kept(count: usize, numbers: &[f32; BLOCK]) -> [f32; BLOCK] {
+    let (bits, mut kept) = (&KEPT[count.min(BLOCK)], [0.0; BLOCK]);
+    for k in 0..BLOCK {
+        kept[k] = f32::from_bits(numbers[k].to_bits() & bits[k]);
+    }
+    kept
+}
+
 /// The sum of the first `count` numbers of a block.
 #[inline(always)]
 fn sum(count: usize, numbers: &[f32; BLOCK]) -> f32 {
@@ -373,22 +390,26 @@ fn path_block<'a, const J: usize>(
     transmittance: &mut [f32; J],
 ) -> f32 {
     const FMA: bool = target_cfg_f!(target_feature = "fma") || cfg!(target_arch = "aarch64");
-    let mut t = *t;
-    let (energy, mut scale) = of.scales::<FMA>(&t);
-    for k in 0..BLOCK {
-        scale[k] = if k < sigma.len() { scale[k] } else { 0.0 };
-    }
+    let (energy, scale) = of.scales::<FMA>(t);
+    let scale = kept(sigma.len(), &scale);
     for j in 0..J {
         for k in 0..BLOCK {
-            t[j][k] *= scale[k];
+            block.transmittance[j][k] = t[j][k] * scale[k];
         }
     }
-    for j in 0..J {
-        let t = t[j];
-        transmittance[j] += (t[0] + t[1]) + (t[2] + t[3]);
-    }
-    (block.transmittance, block.energy) = (t, energy);
+    block.energy = energy;
+    add_rows(&block.transmittance, transmittance);
     sum(sigma.len(), &energy)
+}
+
+/// Adds the sums over a block's absorptions.
+#[multiversion(targets("x86_64+avx512f+avx512bw+avx512dq+avx512vl+avx2+bmi1+bmi2+fma", "x86_64+avx2+bmi1+bmi2+fma"))]
+#[inline(never)]
+fn add_rows<const J: usize>(t: &Transmittances<J>, sums: &mut [f32; J]) {
+    for j in 0..J {
+        let [a, b, c, d] = t[j];
+        sums[j] += (a + b) + (c + d);
+    }
 }
 
 /// Writes the transmittance of each lobe at a single absorption; returns the energy of f_high.
