@@ -2,7 +2,8 @@
 //! set of functions serves plies, cloths and fibers.
 
 use crate::pointer::{
-    disjoint, is_uniform, is_unit, pointer, put, slice, slice_mut, span, three, to_direction, to_random, uniform, unit,
+    disjoint, is_uniform, is_unit, pointer, pointers, put, slice, slice_mut, span, three, to_direction, to_random,
+    uniform, unit,
 };
 use crate::status::{AtIndex, Checked, PlywaveError, PlywaveStatus, failure, guard};
 use plywave::cloth::ClothBsdf;
@@ -314,14 +315,14 @@ pub unsafe extern "C" fn plywave_bsdf_pdf(
     error: *mut PlywaveError,
 ) -> PlywaveStatus {
     guard(error, || {
-        // SAFETY: the caller's pointers, as documented.
-        let w = unsafe {
-            to_direction(w, "w")?;
-            three(w)
-        };
+        pointers([w, pdf], ["w", "pdf"])?;
+        // SAFETY: not null and aligned, as checked; three numbers as documented.
+        let w = unsafe { three(w) };
+        unit(w, "w")?;
         with_prepared!(bsdf, at => {
-            // SAFETY: as above.
-            unsafe { put(pdf, at.pdf(w), "pdf") }
+            // SAFETY: not null and aligned, as checked.
+            unsafe { pdf.write(at.pdf(w)) };
+            Ok(())
         })
     })
 }
@@ -336,19 +337,21 @@ pub unsafe extern "C" fn plywave_bsdf_eval_pdf(
     error: *mut PlywaveError,
 ) -> PlywaveStatus {
     guard(error, || {
-        pointer(pdf, "pdf")?;
-        // SAFETY: the caller's pointers, as documented.
-        let w = unsafe {
-            to_direction(w, "w")?;
-            three(w)
-        };
+        // All checks come first: after the evaluation its numbers wait for no branch.
+        pointers([w, f, pdf], ["w", "f", "pdf"])?;
+        // SAFETY: not null and aligned, as checked; three numbers as documented.
+        let w = unsafe { three(w) };
+        unit(w, "w")?;
         with_prepared!(bsdf, at => {
             let (value, density) = at.eval_pdf(w);
-            // SAFETY: as above.
+            // SAFETY: not null and aligned, as checked; as many numbers as documented.
             unsafe {
-                put_values(f, value, "f")?;
-                put(pdf, density, "pdf")
+                for k in 0..value.len() {
+                    f.add(k).write(value[k]);
+                }
+                pdf.write(density);
             }
+            Ok(())
         })
     })
 }

@@ -22,6 +22,22 @@ pub(crate) fn pointer<T>(p: *const T, name: &str) -> Checked {
     if p.is_null() || !p.is_aligned() { Err(bad_pointer(p.is_null(), name)) } else { Ok(()) }
 }
 
+/// Refuses null and misaligned pointers to numbers: one test of all, and names only for a failure.
+#[inline(always)]
+pub(crate) fn pointers<const K: usize>(p: [*const f32; K], names: [&str; K]) -> Checked {
+    let (mut bits, mut none_null) = (0, true);
+    for p in p {
+        bits |= p.addr();
+        none_null &= !p.is_null();
+    }
+    if none_null && bits % align_of::<f32>() == 0 { Ok(()) } else { first_bad(&p, &names) }
+}
+
+#[cold]
+fn first_bad(p: &[*const f32], names: &[&str]) -> Checked {
+    p.iter().zip(names).try_for_each(|(p, name)| pointer(*p, name))
+}
+
 /// A reference from a pointer that must not be null.
 #[inline(always)]
 pub(crate) unsafe fn reference<'a, T>(p: *const T, name: &str) -> Checked<&'a T> {

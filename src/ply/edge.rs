@@ -248,13 +248,13 @@ pub(super) fn eval_pdf<const N: usize>(
     (values, pdf)
 }
 
-#[multiversion(targets("x86_64+avx512f+avx512bw+avx512dq+avx512vl+avx2+bmi1+bmi2+fma", "x86_64+avx2+bmi1+bmi2+fma"))]
+#[multiversion(targets("x86_64+avx2+bmi1+bmi2+fma"))]
 fn eval_into(edge: &EdgeTables, theta_i: f32, h_um: f32, lambda_um: &[f32], wo: [f32; 3], values: &mut [f32]) {
     const FMA: bool = target_cfg_f!(target_feature = "fma") || cfg!(target_arch = "aarch64");
     edge.at::<FMA>(theta_i, h_um).eval::<FMA, false>(lambda_um, wo, values);
 }
 
-#[multiversion(targets("x86_64+avx512f+avx512bw+avx512dq+avx512vl+avx2+bmi1+bmi2+fma", "x86_64+avx2+bmi1+bmi2+fma"))]
+#[multiversion(targets("x86_64+avx2+bmi1+bmi2+fma"))]
 fn eval_pdf_into(
     edge: &EdgeTables,
     theta_i: f32,

@@ -276,7 +276,7 @@ pub(super) fn layer<const N: usize>(tables: &LayerTables, theta_i: f32, sigma: &
     Layer::of(layer)
 }
 
-#[multiversion(targets("x86_64+avx512f+avx512bw+avx512dq+avx512vl+avx2+bmi1+bmi2+fma", "x86_64+avx2+bmi1+bmi2+fma"))]
+#[multiversion(targets("x86_64+avx2+bmi1+bmi2+fma"))]
 fn layer_into(tables: &LayerTables, theta_i: f32, sigma: &[f32], layer: &mut [[f32; 4]]) {
     const FMA: bool = target_cfg_f!(target_feature = "fma") || cfg!(target_arch = "aarch64");
     let spectra = tables.layer::<FMA>(theta_i);
@@ -288,7 +288,7 @@ fn layer_into(tables: &LayerTables, theta_i: f32, sigma: &[f32], layer: &mut [[f
     }
 }
 
-#[multiversion(targets("x86_64+avx512f+avx512bw+avx512dq+avx512vl+avx2+bmi1+bmi2+fma", "x86_64+avx2+bmi1+bmi2+fma"))]
+#[multiversion(targets("x86_64+avx2+bmi1+bmi2+fma"))]
 fn forward_into(tables: &LayerTables, [theta_i, h_um]: [f32; 2], r_d: f32, sigma: &[f32], energy: &mut [f32]) {
     const FMA: bool = target_cfg_f!(target_feature = "fma") || cfg!(target_arch = "aarch64");
     let Some((spectrum, hit)) = tables.forward::<FMA>(theta_i, h_um, r_d) else { return };

@@ -90,7 +90,14 @@ impl<L: Lobes<N>, const N: usize> SingleLayer<'_, L, N> {
     }
 
     /// Sum of the terms, with the factors of the query's place.
+    #[inline(always)]
     fn placed(&self, w: [f32; 3], terms: &PlyTerms<N>) -> [f32; N] {
+        // Without a place the numbers stay in registers: stored one by one and read as pairs, they would wait.
+        if self.query.place.is_none() { terms.sum_with(&([terms.refl; N], terms.high)) } else { self.there(w, terms) }
+    }
+
+    #[inline(never)]
+    fn there(&self, w: [f32; 3], terms: &PlyTerms<N>) -> [f32; N] {
         terms.sum_with(&placed(self.model, &self.query, self.speckle.as_ref(), w, (terms.refl, terms.high)))
     }
 

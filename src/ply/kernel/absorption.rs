@@ -413,7 +413,7 @@ fn add_rows<const J: usize>(t: &Transmittances<J>, sums: &mut [f32; J]) {
 }
 
 /// Writes the transmittance of each lobe at a single absorption; returns the energy of f_high.
-#[multiversion(targets("x86_64+avx512f+avx512bw+avx512dq+avx512vl+avx2+bmi1+bmi2+fma", "x86_64+avx2+bmi1+bmi2+fma"))]
+#[multiversion(targets("x86_64+avx2+bmi1+bmi2+fma"))]
 fn lobes_of_one<'a, const H: usize, const J: usize>(
     of: &Spectra<'a, J>,
     spectra: &[[f32; J]; H],

@@ -300,10 +300,7 @@ impl<const N: usize> Speckle<N> {
 
 /// Blends `waves`, sqrt(b) g on this side of the seam, with that of the other side. Both sides have the same
 /// sources, so the power of the blend is not the sum of their powers.
-#[multiversion(targets(
-    "x86_64+avx512f+avx512bw+avx512dq+avx512vl+avx2+bmi1+bmi2+fma",
-    "x86_64+avx2+bmi1+bmi2+fma"
-))]
+#[multiversion(targets("x86_64+avx512f+avx512bw+avx512dq+avx512vl+avx2+bmi1+bmi2+fma", "x86_64+avx2+bmi1+bmi2+fma"))]
 fn blend_at_seam<const F: usize, const N: usize>(
     speckle: &Speckle<N>,
     kind: usize,
