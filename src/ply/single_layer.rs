@@ -92,7 +92,7 @@ impl<L: Lobes<N>, const N: usize> SingleLayer<'_, L, N> {
     /// Sum of the terms, with the factors of the query's place.
     #[inline(always)]
     fn placed(&self, w: [f32; 3], terms: &PlyTerms<N>) -> [f32; N] {
-        // Without a place the numbers stay in registers: stored one by one and read as pairs, they would wait.
+        // Without a place the numbers stay in registers. Stored singly and read as pairs, they would wait.
         if self.query.place.is_none() { terms.sum_with(&([terms.refl; N], terms.high)) } else { self.there(w, terms) }
     }
 

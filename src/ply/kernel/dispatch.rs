@@ -1,6 +1,7 @@
-//! The kernels, each compiled once for any processor and once for AVX2 and FMA; the first call chooses. Each
-//! of these functions holds one inlined copy of the arithmetic. Models that exceed the fast tables use one
-//! portable copy. Absorptions and results are slices, so that one copy serves any number of absorptions.
+//! The kernels, each compiled once for any processor, once for AVX2 and FMA and once for AVX-512 with vectors
+//! of 16 lanes; the first call chooses. Each of these functions holds one inlined copy of the arithmetic.
+//! Models that exceed the fast tables use one portable copy. Absorptions and results are slices, so that one
+//! copy serves any number of absorptions.
 
 use super::absorption::LobeTransmittances;
 use super::batch;

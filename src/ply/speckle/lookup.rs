@@ -236,7 +236,7 @@ fn speckle<const N: usize>(
     x
 }
 
-/// The number of the fiber in a row, which may be any of the plies' turns.
+/// The number of the fiber in a row; rows beyond the count begin anew.
 #[inline(always)]
 fn number_of(row: f32, count: f32) -> u32 {
     let at = row - count * (row / count).floor();
