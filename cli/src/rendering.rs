@@ -107,7 +107,7 @@ pub fn check_flags(args: &RenderArgs) -> Outcome {
         ("--sigma", args.sigma, 0.0, 1e6),
         ("--slit-share", args.slit_share, 0.0, 1.0),
         ("--lamp-scale", args.lamp_scale, 1e-3, 1e3),
-        ("--exposure", Some(args.exposure), -40.0, 40.0),
+        ("--exposure", args.exposure, -40.0, 40.0),
         ("--fov", args.fov, 0.001, 170.0),
     ] {
         if let Some(v) = value.filter(|v| !(low..=high).contains(v)) {
@@ -194,6 +194,8 @@ pub struct About {
     pub scene: String,
     /// Notes for the user, one per line.
     pub notes: Vec<String>,
+    /// Whether the PNG is exposed by its own light, where no flag gives the exposure.
+    pub is_metered: bool,
 }
 
 /// Callback that receives the film after each pass.
@@ -241,6 +243,8 @@ pub fn shoot(
         return Err(failed(error));
     }
     let time = bar.finish();
+    let metered = || if about.is_metered { film.metered_exposure() } else { 0.0 };
+    let exposure = args.exposure.map_or_else(metered, |stops| stops as f32);
     let facts = Facts {
         software: format!("plywave {}", env!("CARGO_PKG_VERSION")),
         cloth: about.name,
@@ -249,7 +253,7 @@ pub fn shoot(
         scene: about.scene,
         seed: args.seed,
         samples: film.samples(),
-        exposure: args.exposure as f32,
+        exposure,
         cut_share: film.cut_share(),
     };
     let mut files = Vec::new();
@@ -257,7 +261,7 @@ pub fn shoot(
         files.push((path, film.exr(&facts).map_err(failed)?));
     }
     if let Some(path) = &outputs.png {
-        let image = film.image(FilmView::Light, args.exposure as f32);
+        let image = film.image(FilmView::Light, exposure);
         files.push((path, png(&image, &facts.entries()).map_err(failed)?));
     }
     output::write_set(&files)?;
@@ -297,7 +301,7 @@ fn tell(
         return output::print_json(&serde_json::json!({
             "png": shown(&outputs.png), "exr": shown(&outputs.exr), "width": args.width, "height": args.height,
             "samples": film.samples(), "seconds": time.as_secs_f64(), "paths": paths, "digest": facts.digest,
-            "cut_share": facts.cut_share, "notes": notes,
+            "cut_share": facts.cut_share, "exposure": facts.exposure, "notes": notes,
         }));
     }
     if cli.quiet {
@@ -311,6 +315,9 @@ fn tell(
         if let (Some(_), Some(exr)) = (&outputs.png, &outputs.exr) {
             writeln!(out, "  linear       {}", exr.display())?;
         }
+        if outputs.png.is_some() && args.exposure.is_none() && facts.exposure != 0.0 {
+            writeln!(out, "  exposure     {:.2} stops", facts.exposure)?;
+        }
         notes.iter().try_for_each(|note| writeln!(out, "  note         {note}"))
     })
 }
@@ -321,6 +328,9 @@ impl From<Scene> for Setup {
             Scene::Front => Setup::Front,
             Scene::Back => Setup::Back,
             Scene::Drape => Setup::Drape,
+            Scene::Curtain => Setup::Curtain,
+            Scene::Folded => Setup::Folded,
+            Scene::Ball => Setup::Ball,
             Scene::Folds => Setup::Folds,
             Scene::Swatch => Setup::Swatch,
             Scene::Grazing => Setup::Grazing,

@@ -12,6 +12,7 @@
 mod camera;
 mod cloth;
 mod explicit_fibers;
+mod exposure;
 mod film;
 mod light;
 mod memory_limit;

@@ -13,6 +13,12 @@ pub enum Scene {
     Back,
     /// A sheet over a ball.
     Drape,
+    /// A curtain before a bright window.
+    Curtain,
+    /// Three folded sheets on each other.
+    Folded,
+    /// A sheet drawn around a ball, from near.
+    Ball,
     /// A sheet with parallel folds.
     Folds,
     /// A few yarns from above.
@@ -130,9 +136,10 @@ pub struct RenderArgs {
     /// mean over the cell).
     #[arg(long, value_name = "PART", num_args = 1, value_delimiter = ',', value_enum)]
     pub without: Vec<ClothPart>,
-    /// Exposure of the PNG in stops; positive is brighter.
-    #[arg(long, value_name = "STOPS", default_value_t = 0.0, allow_negative_numbers = true)]
-    pub exposure: f64,
+    /// Exposure of the PNG in stops; positive is brighter [default: metered from the picture; 0 for strands
+    /// and for the setup furnace].
+    #[arg(long, value_name = "STOPS", allow_negative_numbers = true)]
+    pub exposure: Option<f64>,
     /// Seed of the random numbers.
     #[arg(long, value_name = "N", allow_negative_numbers = true, default_value_t = 1)]
     pub seed: u64,

@@ -1,4 +1,4 @@
-//! Matte props beside the sheet: a floor, and a ball under a drape.
+//! Matte props beside the sheet: a floor, a ball under a drape, the frame of a window.
 
 use glam::Vec3;
 use plywave::bsdf::{DirectionSample, Outcomes};
@@ -19,6 +19,13 @@ pub enum Shape {
         center: Vec3,
         /// Radius [mm].
         radius_mm: f32,
+    },
+    /// A box along the axes, visible from outside.
+    Box {
+        /// Corner with the smallest coordinates [mm].
+        low: Vec3,
+        /// Corner with the largest coordinates [mm].
+        high: Vec3,
     },
 }
 
@@ -49,6 +56,11 @@ impl Prop {
                 let t = along - discriminant.max(0.0).sqrt();
                 (discriminant > 0.0 && t > 0.0).then_some(t)
             }
+            Shape::Box { low, high } => {
+                let (a, b) = ((low - origin) / direction, (high - origin) / direction);
+                let (enter, leave) = (a.min(b).max_element(), a.max(b).min_element());
+                (enter < leave && enter > 0.0).then_some(enter)
+            }
         }
     }
 
@@ -57,6 +69,12 @@ impl Prop {
         match self.shape {
             Shape::Floor { .. } => Vec3::Z,
             Shape::Ball { center, .. } => (position - center).normalize_or(Vec3::Z),
+            Shape::Box { low, high } => {
+                // The face is that along whose axis the point lies furthest out.
+                let out = (position - 0.5 * (low + high)) / (high - low).max(Vec3::splat(1e-6));
+                let most = out.abs().max_element();
+                Vec3::select(out.abs().cmpge(Vec3::splat(most)), out.signum(), Vec3::ZERO).normalize_or(Vec3::Z)
+            }
         }
     }
 }

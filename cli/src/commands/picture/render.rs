@@ -114,7 +114,7 @@ pub fn run(cli: &Cli, args: &RenderArgs) -> Outcome {
     let (mut scene, _) = setup.scene(size, mesh, sky);
     scene.widen_lamps(args.lamp_scale.map_or(1.0, |times| times as f32));
     let render_options = RenderOptions { samples: args.samples, depth: args.depth, seed: args.seed };
-    let about = About { name, scene: format!("{named:?}").to_lowercase(), notes };
+    let about = About { name, scene: format!("{named:?}").to_lowercase(), notes, is_metered: setup != Setup::Furnace };
     shoot(cli, args, &outputs, &of, film, about, |film, after| match tracer {
         Some(tracer) => {
             let fibers = Fibers { tracer, cloth };

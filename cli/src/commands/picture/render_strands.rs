@@ -76,7 +76,7 @@ pub fn run(cli: &Cli, args: &RenderArgs) -> Outcome {
     of.push(("--sky-layer".into(), format!("{:?}", args.sky_layer)));
     let film = film(args, &outputs, &of)?;
     let options = RenderOptions { samples: args.samples, depth: args.depth, seed: args.seed };
-    let about = About { name: spec.name().to_string(), scene: "strands".into(), notes };
+    let about = About { name: spec.name().to_string(), scene: "strands".into(), notes, is_metered: false };
     match integrator {
         Integrator::Path => shoot(cli, args, &outputs, &of, film, about, |film, after| {
             render_strands(&scene, &camera, film, &options, &STOP, after)
