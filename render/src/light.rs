@@ -184,6 +184,25 @@ impl Sources<'_> {
         is_open.then(|| self.of_sky(direction, self.environment.texel(direction), lambda_um))
     }
 
+    /// Whether chains follow light of this source through the sheet: that of lamps, and of a sky that is not
+    /// even.
+    pub fn is_chained(&self, source: &Arriving) -> bool {
+        self.sampling == LightSampling::Both && !(source.is_sky() && self.environment.is_even())
+    }
+
+    /// Density [1/sr] of this direction in [`Sources::draw`] if chains follow the light of its source, where
+    /// an object occludes it.
+    pub fn chained_pdf(&self, origin: Vec3, direction: Vec3) -> Option<f32> {
+        if self.sampling != LightSampling::Both {
+            return None;
+        }
+        if let Some((i, t)) = self.nearest(origin, direction) {
+            return Some(self.lights[i].pdf(direction, t) / self.count() as f32);
+        }
+        let is_sky = !self.environment.is_dark() && !self.environment.is_even();
+        is_sky.then(|| self.environment.pdf(self.environment.texel(direction)) / self.count() as f32)
+    }
+
     /// Number of sources that a point samples after `depth` scatterings: each of a few sources at first, a
     /// single one later or if there are many.
     pub fn draws(&self, depth: u32) -> usize {

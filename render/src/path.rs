@@ -1,6 +1,12 @@
 //! Path tracing with four wavelengths per path: progressive passes over tiles of a film, and the path tracer
 //! for a sheet with a scattering function. Direct light is combined with sampled scattering by the power
 //! heuristic (Veach 1997, 9.2); Russian roulette and the cut of long paths are in `roulette.rs`.
+//!
+//! Where the sheet occludes a source, a *chain* follows the ray through the sheet, and counts where it hits a
+//! source after some crossings; paths that were sampled otherwise are weighted against it. Chains are followed
+//! by roulette, more often where more light goes straight on and where more light is expected. A path that
+//! carries more than it began with branches, so that no sample of a pixel has a large weight. All of it leaves
+//! the expected picture as it is.
 
 use crate::camera::Camera;
 use crate::film::{Film, PixelSums, Sample};
@@ -9,7 +15,7 @@ use crate::roulette::{CutSums, RouletteState};
 use crate::scene::{Scene, SceneHit, SurfacePoint};
 use crate::spectrum::{Light4, lambda_at, xyz};
 use crate::surface::props::Matte;
-use crate::{RenderError, Surface, WAVELENGTHS};
+use crate::{LightSampling, RenderError, Surface, WAVELENGTHS};
 use glam::Vec3;
 use plywave::math::hash::{GAMMA, mix64};
 use plywave::{Bsdf, BsdfSample};
@@ -21,6 +27,20 @@ use std::sync::atomic::{AtomicBool, Ordering};
 const TILE: u32 = 16;
 /// Width of a scattered path's footprint cone relative to the cone that its sampling density stands for.
 const SPREAD: f32 = 0.1;
+/// Largest number of layers of the sheet that a chain crosses, and number of samples at the first of them.
+const CHAIN: usize = 3;
+const SPLITS: u32 = 2;
+/// Chance of a chain over the share of the light that goes straight on, and light below which a chain is
+/// followed less often.
+const OFTEN: f32 = 4.0;
+const EXPECTED: f32 = 0.15;
+/// Throughput above which a path branches, and the most branches that it gets.
+const MAX_CARRIED: f32 = 3.0;
+const MAX_BRANCHES: usize = 64;
+/// Number of samples that measure how much light goes straight on, and the least cosine that counts as
+/// straight.
+const PROBES: u32 = 1024;
+const STRAIGHT: f32 = 0.998;
 
 /// Number of samples, depth and seed of a render.
 #[derive(Clone, Copy, Debug)]
@@ -62,6 +82,8 @@ pub(crate) trait Tracer: Sync {
 struct Sheet<'a, S> {
     scene: &'a Scene,
     surface: &'a S,
+    /// Share of the light that goes about straight on through the sheet; 0 where no chain is followed.
+    openness: f32,
 }
 
 /// Adds samples to a film in passes until each pixel has `options.samples`. After each pass, `after` receives
@@ -79,7 +101,34 @@ pub fn render<S: Surface>(
     stop: &AtomicBool,
     after: &mut dyn FnMut(&Film) -> Result<(), RenderError>,
 ) -> Result<(), RenderError> {
-    render_by(&Sheet { scene, surface }, camera, film, options, stop, after)
+    let sheet = Sheet { scene, surface, openness: openness(scene, surface) };
+    render_by(&sheet, camera, film, options, stop, after)
+}
+
+/// Mean share of the light that goes about straight on through the sheet, over places and directions: for
+/// how often it is worth to follow light through it.
+fn openness<S: Surface>(scene: &Scene, surface: &S) -> f32 {
+    if scene.sampling != LightSampling::Both {
+        return 0.0;
+    }
+    let lambda: Light4 = std::array::from_fn(|k| lambda_at((k as f32 + 0.5) / WAVELENGTHS as f32));
+    let mut through = 0.0;
+    for sample in 0..PROBES {
+        let mut rng = PathNumbers::new(0, sample);
+        let [z, phi]: [f32; 2] = rng.random();
+        // Directions by the cosine, of either side.
+        let (z, side) = (z.fract().sqrt(), if sample % 2 == 0 { 1.0 } else { -1.0 });
+        let (sin, cos) = (std::f32::consts::TAU * phi).sin_cos();
+        let r = (1.0 - z * z).max(0.0).sqrt();
+        let wo = [r * cos, r * sin, side * z.max(0.05)];
+        let at = surface.at(scene.place_on_cloth(rng.random()), 0.0, wo, lambda);
+        through += match at.sample(rng.random()) {
+            BsdfSample::Scattered(s) if -(0..3).map(|k| s.w[k] * wo[k]).sum::<f32>() > STRAIGHT => s.weight[1],
+            BsdfSample::Straight { weight, .. } => weight[1],
+            _ => 0.0,
+        };
+    }
+    through / PROBES as f32
 }
 
 /// Renders like [`render`], with any tracer.
@@ -161,143 +210,335 @@ fn mix(a: u64, b: u64) -> u64 {
 
 impl<S: Surface> Tracer for Sheet<'_, S> {
     fn trace(&self, options: &RenderOptions, ray: (Vec3, Vec3, f32), lambda: Light4, rng: &mut PathNumbers) -> Traced {
-        trace(self.scene, self.surface, options, ray, lambda, rng)
+        trace(self, options, ray, lambda, rng)
     }
+}
+
+/// A ray of a path and what the path carries along it.
+#[derive(Clone, Copy)]
+struct Segment {
+    origin: Vec3,
+    direction: Vec3,
+    /// Width of the path's footprint at the origin [mm], and its growth per unit of distance.
+    width: f32,
+    width_per_mm: f32,
+    throughput: Light4,
+    /// Density [1/sr] of sampling the direction; infinite where it is certain, as for the camera's.
+    pdf: f32,
+    /// Number of sources that the last scattering point sampled.
+    draws: usize,
+}
+
+impl Segment {
+    /// The scattering function of the sheet at the end of this ray.
+    fn at<'a, S: Surface>(&self, surface: &'a S, point: &SurfacePoint, lambda: Light4) -> S::At<'a> {
+        let wo = point.frame.local(-self.direction);
+        // Footprint on the cloth: the geometric mean of the axes of its ellipse.
+        let footprint_mm = (self.width + self.width_per_mm * point.t) / wo[2].abs().max(0.01).sqrt();
+        surface.at(point.uv_um, 1000.0 * footprint_mm, wo, lambda)
+    }
+
+    /// The ray after scattering at `point` into `direction`, whose density is `pdf` [1/sr].
+    fn scattered(&self, point: &SurfacePoint, direction: Vec3, pdf: f32, weight: Light4, draws: usize) -> Segment {
+        Segment {
+            origin: leave(point, direction),
+            direction,
+            width: self.width + self.width_per_mm * point.t,
+            // A direction of density p stands for a cone of solid angle 1 / p; the footprint grows by a share
+            // of that cone's width.
+            width_per_mm: self.width_per_mm + SPREAD * (1.0 / pdf.max(1e-3)).sqrt(),
+            throughput: std::array::from_fn(|k| self.throughput[k] * weight[k]),
+            pdf,
+            draws,
+        }
+    }
+
+    /// The ray after the outcome of sampling at `point`; `None` where the path ends.
+    fn next(&self, point: &SurfacePoint, sample: BsdfSample<WAVELENGTHS>, draws: usize) -> Option<Segment> {
+        match sample {
+            BsdfSample::Scattered(sample) => {
+                let direction = point.frame.world(sample.w).normalize_or_zero();
+                let is_direction = direction != Vec3::ZERO && sample.pdf > 0.0;
+                is_direction.then(|| self.scattered(point, direction, sample.pdf, sample.weight, draws))
+            }
+            BsdfSample::Straight { weight, .. } => Some(Segment {
+                origin: leave(point, self.direction),
+                width: self.width + self.width_per_mm * point.t,
+                throughput: std::array::from_fn(|k| self.throughput[k] * weight[k]),
+                pdf: f32::INFINITY,
+                draws,
+                ..*self
+            }),
+            BsdfSample::Absorbed => None,
+        }
+    }
+}
+
+/// A branch of a path: where it goes on, and the light that it has gathered.
+struct Branch {
+    segment: Segment,
+    roulette: RouletteState,
+    shares: Shares,
+    light: Light4,
 }
 
 /// Light along a ray; `width_per_mm` is the width of its footprint per unit of distance.
 fn trace<S: Surface>(
-    scene: &Scene,
-    surface: &S,
+    sheet: &Sheet<'_, S>,
     options: &RenderOptions,
-    (mut origin, mut direction, mut width_per_mm): (Vec3, Vec3, f32),
+    (origin, direction, width_per_mm): (Vec3, Vec3, f32),
     lambda: Light4,
     rng: &mut PathNumbers,
 ) -> Traced {
-    // Width of the path's footprint [mm], which grows with the distance travelled.
-    let mut width = 0.0;
-    let mut hit = None;
-    let (mut light, mut albedo, mut throughput) = ([0.0; WAVELENGTHS], [0.0; WAVELENGTHS], [1.0f32; WAVELENGTHS]);
-    // Density [1/sr] of sampling the current direction; the camera's direction counts as certain.
-    let mut pdf = f32::INFINITY;
-    let mut roulette = RouletteState::new(options.depth);
-    // Number of sources that the last scattering point sampled.
-    let mut draws = 1;
-    loop {
-        let scene_hit = scene.first(origin, direction);
-        // Add the lamp or sky that the ray hits, if no surface occludes it.
-        let reach = scene_hit.map_or(f32::INFINITY, |m| m.point().t);
-        if let Some(source) = scene.sources().hit(origin, direction, reach, lambda) {
-            let weight = scene.sampling.weight_of_hit(pdf, source.pdf * draws as f32);
-            for k in 0..WAVELENGTHS {
-                light[k] += throughput[k] * weight * source.radiance[k];
-            }
-            break;
+    let throughput = [1.0; WAVELENGTHS];
+    let segment = Segment { origin, direction, width: 0.0, width_per_mm, throughput, pdf: f32::INFINITY, draws: 1 };
+    let mut traced =
+        Traced { light: [0.0; WAVELENGTHS], albedo: [0.0; WAVELENGTHS], hit: None, cut: CutSums::default() };
+    let roulette = RouletteState::new(options.depth);
+    let mut branches = vec![Branch { segment, roulette, shares: Shares::default(), light: [0.0; WAVELENGTHS] }];
+    let mut remaining = MAX_BRANCHES;
+    while let Some(mut branch) = branches.pop() {
+        sheet.follow(&mut branch, lambda, rng, &mut traced, &mut branches, &mut remaining);
+        let (light, cut) = branch.roulette.end(branch.light, lambda, traced.hit.is_some());
+        for k in 0..WAVELENGTHS {
+            traced.light[k] += light[k];
         }
-        let Some(scene_hit) = scene_hit else { break };
-        let point = *scene_hit.point();
-        width += width_per_mm * point.t;
-        draws = scene.sources().draws(roulette.depth());
-        let goes_on = roulette.goes_on(&throughput, &light, rng);
-        let (hit_albedo, next) = match scene_hit {
-            SceneHit::Sheet(_) => {
-                let wo = point.frame.local(-direction);
-                // Footprint on the cloth: the geometric mean of the axes of its ellipse.
-                let footprint_mm = width / wo[2].abs().max(0.01).sqrt();
-                let at = surface.at(point.uv_um, 1000.0 * footprint_mm, wo, lambda);
-                (at.albedo(), scatter(scene, &point, &at, goes_on, draws, (lambda, throughput), rng, &mut light))
-            }
-            SceneHit::Prop(_, albedo) => {
-                let at = Matte(albedo);
-                let next = scatter(scene, &point, &at, goes_on, draws, (lambda, throughput), rng, &mut light);
-                (Bsdf::<WAVELENGTHS>::albedo(&at), next)
-            }
-        };
-        if roulette.depth() == 0 {
-            albedo = hit_albedo;
-            let normal = point.frame.axes[2];
-            let to_camera = if normal.dot(direction) > 0.0 { -normal } else { normal };
-            hit = Some((to_camera.to_array(), point.t));
-        }
-        match next {
-            BsdfSample::Scattered(sample) => {
-                for k in 0..WAVELENGTHS {
-                    throughput[k] *= sample.weight[k];
-                }
-                pdf = sample.pdf;
-                // A direction of density p stands for a cone of solid angle 1 / p; the footprint grows by a
-                // share of that cone's width.
-                width_per_mm += SPREAD * (1.0 / pdf.max(1e-3)).sqrt();
-                direction = point.frame.world(sample.w).normalize_or_zero();
-                if direction == Vec3::ZERO || pdf <= 0.0 {
-                    break;
-                }
-            }
-            BsdfSample::Straight { weight, .. } => {
-                for k in 0..WAVELENGTHS {
-                    throughput[k] *= weight[k];
-                }
-                pdf = f32::INFINITY;
-            }
-            BsdfSample::Absorbed => break,
-        }
-        origin = leave(&point, direction);
-        if !roulette.survives(&mut throughput, rng) {
-            break;
-        }
+        traced.cut.add(&cut);
     }
-    let (light, cut) = roulette.end(light, lambda, hit.is_some());
-    Traced { light, albedo, hit, cut }
+    traced.cut.hits = traced.cut.hits.min(1.0);
+    traced
 }
 
-/// Adds direct light at a scattering point and samples the next direction; the path is absorbed unless
-/// `goes_on`.
-fn scatter(
-    scene: &Scene,
-    point: &SurfacePoint,
-    at: &impl Bsdf<WAVELENGTHS>,
-    goes_on: bool,
+/// A scattering point of a path.
+struct Vertex {
+    point: SurfacePoint,
+    /// The ray that ends at the point.
+    segment: Segment,
+    /// Number of sources that the point samples.
     draws: usize,
-    (lambda, throughput): (Light4, Light4),
-    rng: &mut PathNumbers,
-    light: &mut Light4,
-) -> BsdfSample<WAVELENGTHS> {
-    if !goes_on {
-        return BsdfSample::Absorbed;
+    /// Number of scatterings before this one, and number that may follow it.
+    depth: u32,
+    remaining: u32,
+    /// Number of rays that the point samples.
+    count: usize,
+}
+
+/// Shares of the last rays of a path that ended on the sheet: the weights of sampling their directions by
+/// scattering, against chains.
+#[derive(Clone, Copy)]
+struct Shares([f32; CHAIN]);
+
+impl Default for Shares {
+    fn default() -> Shares {
+        Shares([1.0; CHAIN])
     }
-    direct(scene, point, at, draws, (lambda, throughput), rng, light);
-    at.sample(rng.random())
+}
+
+impl Shares {
+    fn push(&mut self, share: f32) {
+        self.0.rotate_left(1);
+        self.0[CHAIN - 1] = share;
+    }
+
+    fn product(&self) -> f32 {
+        self.0.iter().product()
+    }
+}
+
+impl<S: Surface> Sheet<'_, S> {
+    /// Follows a branch to its end. At points at which it carries much it adds branches that share what it
+    /// carries, at most `remaining`.
+    fn follow(
+        &self,
+        branch: &mut Branch,
+        lambda: Light4,
+        rng: &mut PathNumbers,
+        traced: &mut Traced,
+        branches: &mut Vec<Branch>,
+        remaining: &mut usize,
+    ) {
+        let scene = self.scene;
+        loop {
+            let Branch { segment, roulette, shares, light } = branch;
+            let scene_hit = scene.first(segment.origin, segment.direction);
+            // Add the lamp or sky that the ray hits, if no surface occludes it.
+            let reach = scene_hit.map_or(f32::INFINITY, |m| m.point().t);
+            if let Some(source) = scene.sources().hit(segment.origin, segment.direction, reach, lambda) {
+                let apart = if roulette.is_cut() { 1.0 } else { shares.product() };
+                let weight = apart * scene.sampling.weight_of_hit(segment.pdf, source.pdf * segment.draws as f32);
+                for k in 0..WAVELENGTHS {
+                    light[k] += segment.throughput[k] * weight * source.radiance[k];
+                }
+                return;
+            }
+            let Some(scene_hit) = scene_hit else { return };
+            let point = *scene_hit.point();
+            let draws = scene.sources().draws(roulette.depth());
+            let goes_on = roulette.goes_on(&segment.throughput, light, rng);
+            match scene_hit {
+                SceneHit::Sheet(_) => shares.push(self.share(segment)),
+                SceneHit::Prop(..) => *shares = Shares::default(),
+            }
+            let mut count = 1;
+            if goes_on && !roulette.is_cut() {
+                let most = segment.throughput.iter().copied().fold(0.0, f32::max);
+                count = ((most / MAX_CARRIED).ceil().max(1.0) as usize).min(*remaining + 1);
+                *remaining -= count - 1;
+                segment.throughput.iter_mut().for_each(|t| *t /= count as f32);
+            }
+            let vertex = Vertex {
+                point,
+                segment: *segment,
+                draws,
+                depth: roulette.depth(),
+                remaining: roulette.remaining(),
+                count: if goes_on { count } else { 0 },
+            };
+            let mut next = Vec::new();
+            let albedo = match scene_hit {
+                SceneHit::Sheet(_) => {
+                    let at = segment.at(self.surface, &point, lambda);
+                    self.scatter(&vertex, &at, lambda, rng, light, &mut next);
+                    at.albedo()
+                }
+                SceneHit::Prop(_, albedo) => {
+                    let at = Matte(albedo);
+                    self.scatter(&vertex, &at, lambda, rng, light, &mut next);
+                    Bsdf::<WAVELENGTHS>::albedo(&at)
+                }
+            };
+            if traced.hit.is_none() {
+                traced.albedo = albedo;
+                let normal = point.frame.axes[2];
+                let to_camera = if normal.dot(segment.direction) > 0.0 { -normal } else { normal };
+                traced.hit = Some((to_camera.to_array(), point.t));
+            }
+            let Some(first) = next.pop() else { return };
+            for segment in next {
+                let mut other = Branch { segment, roulette: roulette.branch(), shares: *shares, light: [0.0; 4] };
+                if other.roulette.survives(&mut other.segment.throughput, rng) {
+                    branches.push(other);
+                }
+            }
+            *segment = first;
+            if !roulette.survives(&mut segment.throughput, rng) {
+                return;
+            }
+        }
+    }
+
+    /// Adds direct light at a scattering point and samples the next rays, without those that are absorbed.
+    fn scatter(
+        &self,
+        vertex: &Vertex,
+        at: &impl Bsdf<WAVELENGTHS>,
+        lambda: Light4,
+        rng: &mut PathNumbers,
+        light: &mut Light4,
+        next: &mut Vec<Segment>,
+    ) {
+        for _ in 0..vertex.count {
+            self.direct(vertex, at, lambda, rng, light);
+            next.extend(vertex.segment.next(&vertex.point, at.sample(rng.random()), vertex.draws));
+        }
+    }
+
+    /// Adds direct light from each source, or from one of them ([`Sources::draws`]), weighted against sampling
+    /// of the scattering function. Where the sheet occludes a source, a chain follows the light through it.
+    fn direct(
+        &self,
+        vertex: &Vertex,
+        at: &impl Bsdf<WAVELENGTHS>,
+        lambda: Light4,
+        rng: &mut PathNumbers,
+        light: &mut Light4,
+    ) {
+        let (scene, point, draws) = (self.scene, &vertex.point, vertex.draws);
+        for number in 0..draws {
+            let Some(source) = scene.sources().draw_of((number, draws), point.position, lambda, rng) else { continue };
+            let (f, own) = at.eval_pdf(point.frame.local(source.direction));
+            if f.iter().all(|f| *f <= 0.0) {
+                continue;
+            }
+            let pdf = source.pdf * draws as f32;
+            let weight = scene.sampling.weight_of_sampled(pdf, own) / pdf.max(1e-30);
+            if scene.free(leave(point, source.direction), source.direction, source.reach()) {
+                for k in 0..WAVELENGTHS {
+                    light[k] += vertex.segment.throughput[k] * f[k] * weight * source.radiance[k];
+                }
+            } else if self.openness > 0.0 && vertex.remaining > 0 && scene.sources().is_chained(&source) {
+                // Roulette by the light that would come if nothing occluded it, and by the part that passes.
+                let most = (0..WAVELENGTHS).map(|k| vertex.segment.throughput[k] * f[k] * source.radiance[k]);
+                let expected = most.fold(0.0, f32::max) * weight;
+                let chance = (OFTEN * self.openness).min(1.0) * (expected / EXPECTED).min(1.0);
+                if rng.random::<f32>() >= chance {
+                    continue;
+                }
+                let weight = f.map(|f| f * weight / chance);
+                let segment = vertex.segment.scattered(point, source.direction, own, weight, draws);
+                self.chain(segment, vertex.depth + 1, vertex.remaining, lambda, rng, light);
+            }
+        }
+    }
+
+    /// Adds the light of sources that comes through the sheet along a ray that was sampled towards a source:
+    /// at each crossing the scattering function alone is sampled, and only rays that hit a source count.
+    /// Together with [`Sheet::share`] the weights of the ways to sample such a path sum to 1.
+    fn chain(
+        &self,
+        first: Segment,
+        depth: u32,
+        remaining: u32,
+        lambda: Light4,
+        rng: &mut PathNumbers,
+        light: &mut Light4,
+    ) {
+        let scene = self.scene;
+        let Some(SceneHit::Sheet(first_point)) = scene.first(first.origin, first.direction) else { return };
+        let first_at = first.at(self.surface, &first_point, lambda);
+        for split in 0..SPLITS {
+            let [u, v, w]: [f32; 3] = rng.random();
+            let u = [(u + split as f32) / SPLITS as f32, v, w];
+            let draws = scene.sources().draws(depth);
+            let mut next = first.next(&first_point, first_at.sample(u), draws);
+            let mut weight = 1.0 / SPLITS as f32;
+            for crossed in 1..=(CHAIN as u32).min(remaining) {
+                let Some(segment) = next else { break };
+                let scene_hit = scene.first(segment.origin, segment.direction);
+                let reach = scene_hit.map_or(f32::INFINITY, |m| m.point().t);
+                if let Some(source) = scene.sources().hit(segment.origin, segment.direction, reach, lambda) {
+                    weight *= scene.sampling.weight_of_hit(segment.pdf, source.pdf * segment.draws as f32);
+                    for k in 0..WAVELENGTHS {
+                        light[k] += segment.throughput[k] * weight * source.radiance[k];
+                    }
+                    break;
+                }
+                let Some(SceneHit::Sheet(point)) = scene_hit else { break };
+                if crossed == (CHAIN as u32).min(remaining) {
+                    break;
+                }
+                weight *= self.share(&segment);
+                let at = segment.at(self.surface, &point, lambda);
+                next = segment.next(&point, at.sample(rng.random()), scene.sources().draws(depth + crossed));
+            }
+        }
+    }
+
+    /// Weight of sampling the direction of a ray that ends on the sheet by scattering, against a chain that
+    /// begins with the same ray.
+    fn share(&self, segment: &Segment) -> f32 {
+        if self.openness <= 0.0 {
+            return 1.0;
+        }
+        match self.scene.sources().chained_pdf(segment.origin, segment.direction) {
+            Some(pdf) => self.scene.sampling.weight_of_hit(segment.pdf, pdf * segment.draws as f32),
+            None => 1.0,
+        }
+    }
 }
 
 /// Start of a ray that leaves the sheet, offset to the side that `direction` points to.
 pub(crate) fn leave(point: &SurfacePoint, direction: Vec3) -> Vec3 {
     let offset = 1e-5 * (1.0 + point.position.abs().max_element());
     point.position + point.face * offset.copysign(point.face.dot(direction))
-}
-
-/// Adds direct light from each source, or from one of them ([`Sources::draws`]), weighted against sampling of
-/// the scattering function.
-fn direct(
-    scene: &Scene,
-    point: &SurfacePoint,
-    at: &impl Bsdf<WAVELENGTHS>,
-    draws: usize,
-    (lambda, throughput): (Light4, Light4),
-    rng: &mut PathNumbers,
-    light: &mut Light4,
-) {
-    for number in 0..draws {
-        let Some(source) = scene.sources().draw_of((number, draws), point.position, lambda, rng) else { continue };
-        let local = point.frame.local(source.direction);
-        let (f, own) = at.eval_pdf(local);
-        let is_free = || scene.free(leave(point, source.direction), source.direction, source.reach());
-        if f.iter().all(|f| *f <= 0.0) || !is_free() {
-            continue;
-        }
-        let pdf = source.pdf * draws as f32;
-        let weight = scene.sampling.weight_of_sampled(pdf, own) / pdf.max(1e-30);
-        for k in 0..WAVELENGTHS {
-            light[k] += throughput[k] * f[k] * weight * source.radiance[k];
-        }
-    }
 }

@@ -50,6 +50,21 @@ impl RouletteState {
         self.depth
     }
 
+    /// State of another branch of a path that is not cut.
+    pub fn branch(&self) -> RouletteState {
+        RouletteState { depth: self.depth, max: self.max, cut: None }
+    }
+
+    /// Whether the path is beyond its cut.
+    pub fn is_cut(&self) -> bool {
+        self.cut.is_some()
+    }
+
+    /// Number of scatterings after the present one that add to the picture.
+    pub fn remaining(&self) -> u32 {
+        if self.cut.is_some() { 0 } else { (self.max - 1).saturating_sub(self.depth) }
+    }
+
     /// Whether the path scatters once more; `light` is the light that it has gathered so far.
     pub fn goes_on(&mut self, throughput: &Light4, light: &Light4, rng: &mut PathNumbers) -> bool {
         if self.depth < self.max {

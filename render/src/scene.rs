@@ -112,6 +112,13 @@ impl Scene {
         Sources { lights: &self.lights, environment: &self.environment, sampling: self.sampling }
     }
 
+    /// Position on the cloth [um] in the middle of a triangle, chosen by a number in [0, 1).
+    pub(crate) fn place_on_cloth(&self, u: f32) -> [f32; 2] {
+        let Some(corners) = self.corners.get((u * self.corners.len() as f32) as usize) else { return [0.0; 2] };
+        let [a, b, c] = corners.map(|k| self.mesh.uv_um[k as usize]);
+        [(a[0] + b[0] + c[0]) / 3.0, (a[1] + b[1] + c[1]) / 3.0]
+    }
+
     fn nearest(&self, origin: Vec3, direction: Vec3, reach: f32) -> Option<(usize, f32)> {
         let mut hit = RayHit::none();
         self.bvh.ray_traverse(ray(origin, direction, reach), &mut hit, |ray, i| self.triangles[i].intersect(ray));

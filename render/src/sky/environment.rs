@@ -116,6 +116,11 @@ impl Environment {
         self.power() <= 0.0
     }
 
+    /// Whether the radiance is the same in all directions.
+    pub(crate) fn is_even(&self) -> bool {
+        self.texels.len() == 1
+    }
+
     /// Index of the texel in a direction.
     pub(crate) fn texel(&self, direction: Vec3) -> usize {
         let d = direction.as_dvec3();

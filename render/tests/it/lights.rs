@@ -29,6 +29,9 @@ enum Sheet {
     /// Reflects a share of the light evenly into a cone about the mirror's direction, whose half-angle has
     /// this cosine.
     Cone { albedo: f32, cos: f32 },
+    /// Lets a share `open` of the light pass, evenly into a cone about the straight direction whose half-angle
+    /// has this cosine, and reflects the rest by Lambert's law.
+    Screen { open: f32, cos: f32 },
 }
 
 struct At(Sheet, [f32; 3]);
@@ -47,6 +50,13 @@ impl At {
                 let along = -w[0] * wo[0] - w[1] * wo[1] + w[2] * wo[2];
                 let pdf = if along > cos { 1.0 / (TAU as f32 * (1.0 - cos)) } else { 0.0 };
                 (albedo * pdf, pdf)
+            }
+            Sheet::Screen { open, cos } => {
+                let along = -w[0] * wo[0] - w[1] * wo[1] - w[2] * wo[2];
+                let passing = if along > cos { 1.0 / (TAU as f32 * (1.0 - cos)) } else { 0.0 };
+                let reflected = if w[2] * wo[2] > 0.0 { w[2].abs() / PI as f32 } else { 0.0 };
+                let f = open * passing + (1.0 - open) * reflected;
+                (f, f)
             }
         }
     }
@@ -77,6 +87,17 @@ impl Bsdf<4> for At {
                 let (x, y) = mirror.any_orthonormal_pair();
                 ((x * (r * cos_phi) + y * (r * sin_phi) + mirror * z).to_array(), albedo)
             }
+            Sheet::Screen { open, cos } if u[0] < open => {
+                let z = 1.0 - u[1] * (1.0 - cos);
+                let r = (1.0 - z * z).max(0.0).sqrt();
+                let straight = -Vec3::from(wo);
+                let (x, y) = straight.any_orthonormal_pair();
+                ((x * (r * cos_phi) + y * (r * sin_phi) + straight * z).to_array(), 1.0)
+            }
+            Sheet::Screen { .. } => {
+                let r = u[1].sqrt();
+                ([r * cos_phi, r * sin_phi, (1.0 - u[1]).sqrt() * wo[2].signum()], 1.0)
+            }
         };
         BsdfSample::Scattered(DirectionSample { w, weight: [weight; 4], pdf: self.pdf(w).max(1e-12) })
     }
@@ -85,6 +106,7 @@ impl Bsdf<4> for At {
         match self.0 {
             Sheet::Diffuse { up, down } => [up + down; 4],
             Sheet::Cone { albedo, .. } => [albedo; 4],
+            Sheet::Screen { .. } => [1.0; 4],
         }
     }
 
@@ -429,5 +451,65 @@ fn strands_and_floors_beside_them_are_lit_the_same_way() {
             assert!((y - a.0).abs() < 5.0 * spread, "{what}: by {way} {y}, by both {}, standard error {spread}", a.0);
             assert!(spread < 0.1 * a.0, "{what}: standard error {spread} of {}", a.0);
         }
+    }
+}
+
+/// Three screens over a floor.
+fn screens(lights: &[Light], sky: &Environment, floor: f32, way: LightSampling) -> Scene {
+    let mut mesh = Mesh::default();
+    for height in [0.0, 2.0, 4.5] {
+        let mut sheet = Mesh::flat(400.0);
+        sheet.positions.iter_mut().for_each(|p| p.z += height);
+        mesh.append(sheet);
+    }
+    let mut scene = Scene::new(mesh, lights.to_vec(), sky.clone());
+    scene.sampling = way;
+    scene.props = vec![Prop { shape: Shape::Floor { height_mm: -3.0 }, albedo: floor }];
+    scene
+}
+
+/// Light that comes through one, two and three screens is the same whether chains follow it from the floor or
+/// scattering alone is sampled: that of a small lamp, with and without limits of scatterings, and of an uneven
+/// sky. Chains have less noise.
+#[test]
+fn light_through_screens_does_not_depend_on_how_it_is_found() {
+    let screen = Sheet::Screen { open: 0.45, cos: 0.9995 };
+    let lamp = Light::facing(Vec3::new(4.0, 2.0, 30.0), Vec3::ZERO, 6.0, 20.0);
+    let texels = (0..32).map(|k| [if k == 3 { 40.0 } else { 0.2 + 0.01 * k as f32 }; 3]).collect();
+    let sky = Environment::picture(8, texels).unwrap();
+    let camera = Camera::new(Vec3::new(-6.0, 0.0, 12.0), Vec3::ZERO, Vec3::Y, 1e-4);
+    let seen = |scene: &Scene, samples: u32, depth: u32| {
+        let mut film = Film::new(SIDE, SIDE).unwrap();
+        let options = RenderOptions { samples, depth, seed: 11 };
+        render(scene, &camera, &screen, &mut film, &options, &AtomicBool::new(false), &mut |_| Ok(())).unwrap();
+        statistics(&film)[1]
+    };
+    let dark = Environment::constant(0.0);
+    for (what, lights, sky) in [("lamp", &[lamp][..], &dark), ("sky", &[], &sky), ("both", &[lamp], &sky)] {
+        for depth in [2, 3, 5, 1000] {
+            let of = |way: LightSampling| screens(lights, sky, 0.8, way);
+            let (got, se) = seen(&of(LightSampling::Both), 128, depth);
+            let (want, want_se) = seen(&of(LightSampling::Scattering), 256, depth);
+            let error = se.hypot(want_se);
+            assert!((got - want).abs() < 5.0 * error, "{what}, depth {depth}: {got}, want {want}, error {error}");
+            // Half as many samples.
+            assert!(se < want_se, "{what}, depth {depth}: standard error {se}, by scattering {want_se}");
+        }
+    }
+}
+
+/// Screens and a floor that absorb nothing, under an even sky.
+#[test]
+fn white_screens_in_a_white_room_are_white() {
+    let screen = Sheet::Screen { open: 0.45, cos: 0.9995 };
+    let far = Light::facing(Vec3::new(0.0, 0.0, 3000.0), Vec3::ZERO, 800.0, 1.0);
+    for lights in [&[][..], &[far]] {
+        let scene = screens(lights, &Environment::constant(1.0), 1.0, LightSampling::Both);
+        let camera = Camera::new(Vec3::new(-6.0, 0.0, 12.0), Vec3::ZERO, Vec3::Y, 1e-4);
+        let mut film = Film::new(SIDE, SIDE).unwrap();
+        let options = RenderOptions { samples: 64, depth: 4096, seed: 2 };
+        render(&scene, &camera, &screen, &mut film, &options, &AtomicBool::new(false), &mut |_| Ok(())).unwrap();
+        let (mean, se) = statistics(&film)[1];
+        assert!((mean - 1.0).abs() < 5.0 * se.max(1e-4), "{mean}, standard error {se}");
     }
 }
