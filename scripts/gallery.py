@@ -46,33 +46,34 @@ PAGE_BYTES, PAGE_QUALITIES = 300_000, (92, 88, 82, 74, 64)
 # Of a cloth of this ending, the models of its plies get speckle.
 SPECKLE = "_speckle"
 
-# Views of a cloth: name, setup, samples over the usual. Of each: width of the cloth [mm], stops, caption.
+# Views of a cloth: name, setup, samples over the usual. Of each: width of the cloth [mm], stops (none:
+# metered), caption.
 VIEWS = (("close", "swatch", 1), ("front", "front", 1), ("drape", "drape", 1), ("back", "back", 2))
 SHOWN = {
     "satin": (
         (2.2, 0, "Satin lining, close: floats of the warp over four picks, in bundles of filaments."),
         (10, 0, "Satin lining, flat, under a small lamp."),
-        (400, 0.3, "Satin lining over a ball, under a large lamp."),
+        (400, None, "Satin lining over a ball, under a large lamp."),
         (16, -1, "Satin lining before a lamp: no line along the normal passes between its yarns.")),
     "organza": (
         (1.6, 0, "Silk organza, close: open plain weave of two-ply yarns."),
         (8, 0, "Silk organza in front of the dark."),
-        (400, 0.5, "Silk organza over a ball: a third of the cloth is open."),
+        (400, None, "Silk organza over a ball: a third of the cloth is open."),
         (16, -1.5, "Silk organza before a lamp: light through its gaps is diffracted.")),
     "jersey": (
         (4, 0, "Jersey, close: knit stitches of a single cotton yarn."),
         (20, 0, "Jersey, flat: columns of knit stitches."),
-        (400, 0, "Jersey over a ball."),
+        (400, None, "Jersey over a ball."),
         (20, -1, "Jersey before a lamp: light comes through between the stitches.")),
     "rib": (
         (4, 0.5, "Rib, close: columns of knit and of purl stitches in turn."),
         (20, 0.5, "Rib, flat."),
-        (400, 0.5, "Rib over a ball."),
+        (400, None, "Rib over a ball."),
         (20, -0.5, "Rib before a lamp.")),
     "hopsack": (
         (5, 1, "Hopsack, close: pairs of two-ply woolen yarns in a basket weave."),
         (20, 1, "Hopsack, flat."),
-        (400, 1, "Hopsack over a ball."),
+        (400, None, "Hopsack over a ball."),
         (20, 0.5, "Hopsack before a lamp: dark yarns, so that the gaps alone show.")),
 }
 
@@ -100,11 +101,19 @@ COMPARISONS = {
         "Bundles of the satin under a lamp of half a degree, without and with speckle (Yu 2025, Fig. 15).",
         "swatch", 0.8, 1, [("smooth", SATIN + SPECKLE, 0, "--smooth"), ("speckle", SATIN + SPECKLE, 0, "")]),
 }
+# Scenes of a shop: name, setup, cloth, samples over the usual, caption.
+SHOP = (
+    ("curtain", "curtain", ORGANZA, 1, "Silk organza before a bright window."),
+    ("folded", "folded", "denim", 1, "Denim, three folded sheets on each other."),
+    ("ball", "ball", JERSEY, 1, "Jersey drawn around a ball."))
 PICTURES = {
     f"{cloth}_{view}": (caption, setup, size_mm, samples, [("", cloth, stops, "")])
     for cloth, shown in SHOWN.items()
     for (view, setup, samples), (size_mm, stops, caption) in zip(VIEWS, shown, strict=True)
-} | COMPARISONS
+} | COMPARISONS | {
+    f"shop_{name}": (caption, setup, None, samples, [("", cloth, None, "")])
+    for name, setup, cloth, samples, caption in SHOP
+}
 
 
 def digest(*parts):
@@ -205,8 +214,10 @@ class Gallery:
         side, usual = (QUICK_SIDE, QUICK_SAMPLES) if self.quick else (SIDES[len(panels)], SAMPLES)
         for k, (title, cloth, stops, flags) in enumerate(panels, 1):
             inputs, file = self.cloth(cloth), f"panels/{name}_{k}.png"
-            command = (f"render cloths/{cloth}.pwc --setup {setup} --size-mm {size_mm} --width {side}"
-                       f" --height {side} --samples {samples * usual} --depth {DEPTH} --exposure {stops}"
+            size = f"--size-mm {size_mm}" if size_mm else ""
+            exposure = "" if stops is None else f"--exposure {stops}"
+            command = (f"render cloths/{cloth}.pwc --setup {setup} {size} --width {side}"
+                       f" --height {side} --samples {samples * usual} --depth {DEPTH} {exposure}"
                        f" {flags} --no-exr -o {file}")
             yield {"title": title, "file": file, "command": " ".join(command.split()), "digest": inputs}
 

@@ -42,3 +42,50 @@ impl Film {
         (stops - clipped).clamp(-RANGE, RANGE)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use crate::Film;
+    use crate::film::{PixelSums, Sample};
+    use crate::roulette::CutSums;
+
+    /// A film with one sample a pixel: luminance and albedo of each, and whether it hits an object.
+    fn film(pixels: &[(f32, f32, bool)]) -> Film {
+        let mut film = Film::new(pixels.len() as u32, 1).unwrap();
+        for (x, (light, albedo, is_hit)) in pixels.iter().enumerate() {
+            let mut sums = PixelSums::default();
+            let hit = is_hit.then_some(([0.0, 0.0, 1.0], 5.0));
+            sums.add(&Sample { light: [*light; 3], albedo: [*albedo; 3], hit, cut: CutSums::default() });
+            film.add(x as u32, 0, &sums, 1);
+        }
+        film.count(1);
+        film
+    }
+
+    #[test]
+    fn cloth_is_exposed_by_its_albedo() {
+        let even = |light: f32, albedo: f32| film(&[(light, albedo, true); 200]).metered_exposure();
+        for (light, albedo) in [(0.3, 1.0), (30.0, 0.2), (0.001, 0.05)] {
+            let shown = light * even(light, albedo).exp2();
+            let want = 0.5 * f32::powf(albedo, 0.7);
+            assert!((shown / want - 1.0).abs() < 1e-4, "{light} {albedo}: {shown}, want {want}");
+        }
+        // A window behind the cloth does not count, nor does a single speck.
+        let mut pixels = vec![(0.3, 0.5, true); 200];
+        let plain = film(&pixels).metered_exposure();
+        pixels.extend([(1e4, 0.0, false); 50]);
+        assert_eq!(film(&pixels).metered_exposure(), plain);
+        pixels[7].0 = 1e4;
+        assert!((film(&pixels).metered_exposure() - plain).abs() < 1e-4);
+        // Highlights on a tenth of the cloth are kept, where that costs less than a stop.
+        for (bright, lower) in [(1.3f32, None), (100.0, Some(1.0f32))] {
+            let pixels: Vec<_> = (0..200).map(|k| (if k % 10 == 0 { bright } else { 0.3 }, 0.8, true)).collect();
+            let mean = 0.9 * 0.3 + 0.1 * bright;
+            let plain = (0.5 * 0.8f32.powf(0.7) / mean).log2();
+            let stops = film(&pixels).metered_exposure();
+            let want = lower.map_or_else(|| plain.min(-bright.log2()), |lower| plain - lower);
+            assert!((stops - want).abs() < 1e-3, "{bright}: {stops}, want {want}");
+        }
+        assert_eq!(film(&[(1.0, 0.5, false); 9]).metered_exposure(), 0.0);
+    }
+}

@@ -2,11 +2,11 @@
 //! for a sheet with a scattering function. Direct light is combined with sampled scattering by the power
 //! heuristic (Veach 1997, 9.2); Russian roulette and the cut of long paths are in `roulette.rs`.
 //!
-//! Where the sheet occludes a source, a *chain* follows the ray through the sheet, and counts where it hits a
-//! source after some crossings; paths that were sampled otherwise are weighted against it. Chains are followed
-//! by roulette, more often where more light goes straight on and where more light is expected. A path that
-//! carries more than it began with branches, so that no sample of a pixel has a large weight. All of it leaves
-//! the expected picture as it is.
+//! Where the sheet occludes a source, a *chain* follows the ray through the sheet, and counts where it hits
+//! a source after some crossings; paths that were sampled otherwise are weighted against it. Chains are
+//! followed by roulette, more often where more light goes straight on and where more light is expected. A
+//! path that carries more than it began with branches, so that no sample of a pixel has a large weight. The
+//! expected picture stays as it is.
 
 use crate::camera::Camera;
 use crate::film::{Film, PixelSums, Sample};
@@ -443,8 +443,9 @@ impl<S: Surface> Sheet<'_, S> {
         }
     }
 
-    /// Adds direct light from each source, or from one of them ([`Sources::draws`]), weighted against sampling
-    /// of the scattering function. Where the sheet occludes a source, a chain follows the light through it.
+    /// Adds direct light from each source, or from one of them ([`Sources::draws`]), weighted against
+    /// sampling of the scattering function. Where the sheet occludes a source, a chain follows the light
+    /// through it.
     fn direct(
         &self,
         vertex: &Vertex,

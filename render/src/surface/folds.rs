@@ -1,5 +1,5 @@
-//! Sheets whose cross section is a curve of their own length: a curtain in folds, and a stack of folded sheets.
-//! A sheet that is bent along one direction alone does not stretch.
+//! Sheets whose cross section is a curve of their own length: a curtain in folds, and a stack of folded
+//! sheets. A sheet that is bent along one direction alone does not stretch.
 
 use crate::surface::net::Net;
 use glam::Vec3;

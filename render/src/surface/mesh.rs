@@ -169,8 +169,8 @@ mod tests {
         [0.01, 0.5, 0.99].map(|q| ratios[(q * ratios.len() as f32) as usize])
     }
 
-    /// Cloth bends much and stretches little: yarns keep their size. Simulated sheets give in most where their
-    /// layers press on each other.
+    /// Cloth bends much and stretches little: yarns keep their size. Simulated sheets give in most where
+    /// their layers press on each other.
     #[test]
     fn sheets_do_not_stretch() {
         let of = |cells: usize, rows: usize| 2 * cells * rows;

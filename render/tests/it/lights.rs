@@ -29,8 +29,8 @@ enum Sheet {
     /// Reflects a share of the light evenly into a cone about the mirror's direction, whose half-angle has
     /// this cosine.
     Cone { albedo: f32, cos: f32 },
-    /// Lets a share `open` of the light pass, evenly into a cone about the straight direction whose half-angle
-    /// has this cosine, and reflects the rest by Lambert's law.
+    /// Lets a share `open` of the light pass, evenly into a cone about the straight direction whose
+    /// half-angle has this cosine, and reflects the rest by Lambert's law.
     Screen { open: f32, cos: f32 },
 }
 
@@ -468,9 +468,9 @@ fn screens(lights: &[Light], sky: &Environment, floor: f32, way: LightSampling) 
     scene
 }
 
-/// Light that comes through one, two and three screens is the same whether chains follow it from the floor or
-/// scattering alone is sampled: that of a small lamp, with and without limits of scatterings, and of an uneven
-/// sky. Chains have less noise.
+/// Light that comes through one, two and three screens is the same whether chains follow it from the floor
+/// or scattering alone is sampled: that of a small lamp, with and without limits of scatterings, and of an
+/// uneven sky. Chains have less noise.
 #[test]
 fn light_through_screens_does_not_depend_on_how_it_is_found() {
     let screen = Sheet::Screen { open: 0.45, cos: 0.9995 };
