@@ -11,6 +11,7 @@ mod export;
 mod family;
 mod fiber;
 mod files;
+mod kernel_calls;
 mod model;
 mod shards;
 mod tensors;

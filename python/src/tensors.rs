@@ -1,10 +1,11 @@
 //! Interface for `plywave.mitsuba`: all tables of a cloth as arrays, and single terms computed by the
 //! library, with which its tests compare.
 
+use crate::kernel_calls::{Addresses, addresses, kept_for_ever};
 use numpy::ndarray::{Array1, Array2, ArrayD, IxDyn};
 use numpy::{IntoPyArray, PyReadonlyArray1, PyReadonlyArray2};
 use plywave::Document;
-use plywave::cloth::{ClothModel, ClothOptions, GapLight, LineHits, Slits, Values};
+use plywave::cloth::{ClothData, ClothModel, ClothOptions, GapLight, LineHits, Slits, Values};
 use plywave::ply::PlyPlace;
 use plywave::spec::YarnSpec;
 use plywave::speckle::NoiseField;
@@ -15,6 +16,8 @@ use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict, PyList};
 use std::collections::BTreeMap;
+use std::hash::{DefaultHasher, Hasher};
+use std::sync::Arc;
 
 fn raise(e: impl std::fmt::Display) -> PyErr {
     PyValueError::new_err(e.to_string())
@@ -38,7 +41,9 @@ type Light<'py> = (Bound<'py, PyAny>, Bound<'py, PyAny>, Bound<'py, PyAny>);
 /// A cloth loaded for `plywave.mitsuba`.
 #[pyclass(frozen, module = "plywave._plywave")]
 pub struct ClothTables {
-    cloth: ClothModel,
+    cloth: Arc<ClothModel>,
+    /// What tells the cloth from others: its file's length and hash, and the options.
+    key: String,
     speckle: bool,
     notes: Vec<String>,
 }
@@ -77,16 +82,30 @@ impl ClothTables {
             far,
             ..ClothOptions::SMOOTH
         };
-        let load = || -> Result<(ClothModel, Vec<String>), Error> {
-            if !filename.ends_with(".toml") {
-                return Ok((ClothModel::load(filename, &options)?, Vec::new()));
-            }
-            let PrecomputedCloth { data, notes, .. } =
-                ClothRecipe::load(filename)?.precomputed(&model_library(), &Run::plain())?;
-            Ok((ClothModel::from_data(data, &options)?, notes))
+        let load = || -> Result<ClothTables, Error> {
+            let (data, notes) = if filename.ends_with(".toml") {
+                let PrecomputedCloth { data, notes, .. } =
+                    ClothRecipe::load(filename)?.precomputed(&model_library(), &Run::plain())?;
+                (data, notes)
+            } else {
+                (ClothData::load(filename)?, Vec::new())
+            };
+            let bytes = data.to_bytes()?;
+            let mut hasher = DefaultHasher::new();
+            hasher.write(&bytes);
+            let key = format!("{} {} {options:?}", bytes.len(), hasher.finish());
+            let cloth = Arc::new(ClothModel::from_data(data, &options)?);
+            Ok(ClothTables { cloth, key, speckle, notes })
         };
-        let (cloth, notes) = py.detach(load).map_err(raise)?;
-        Ok(ClothTables { cloth, speckle, notes })
+        py.detach(load).map_err(raise)
+    }
+
+    /// Address of the cloth, and of the functions that kernels call in packets of so many lanes and channels
+    /// (`put`, `get`, `eval_pdf`, `sample`, `straight` of `kernel_calls.rs`); `None` for other numbers. The
+    /// cloth stays loaded as long as the process runs.
+    fn kernel_calls(&self, lanes: usize, channels: usize) -> Option<(usize, Addresses)> {
+        let addresses = addresses(lanes, channels)?;
+        Some((std::ptr::from_ref(kept_for_ever(&self.key, &self.cloth)) as usize, addresses))
     }
 
     /// Tables by name; `models` contains the files of the ply models, `noise` the noise of each model, or

@@ -53,7 +53,7 @@ def file(woven):
 
 
 def cloth(filename, **keys):
-    return mi.load_dict({"type": "plywave_cloth", "filename": filename, "um_per_uv": 1.0, "gaps": "straight", **keys})
+    return mi.load_dict({"type": "plywave_cloth", "filename": filename, "um_per_uv": 1.0, "gaps": "straight", "native": False, **keys})
 
 
 def library(filename, **keys):

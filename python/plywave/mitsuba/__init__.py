@@ -2,6 +2,7 @@
 and ``plywave_fiber`` (curves).
 
 All plugins evaluate the model's own tensors in Dr.Jit, so they run in megakernels and on GPUs and are differentiable.
+Where nothing has gradients, kernels of LLVM variants call the Rust library for cloths (``_kernel_calls.py``).
 docs/reference/mitsuba_plugins.md lists the keys.
 """
 

@@ -8,7 +8,7 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from . import _light, _native, _through
+from . import _kernel_calls, _light, _native, _through
 from ._base import check_keys, check_lengths, check_size, texture, typed
 from ._curves import Curves
 from ._far import Far
@@ -23,7 +23,7 @@ NEEDS_DIFFERENTIALS = 0x20000
 SWITCHES = {"layers": True, "shadowing": True, "edges": True, "slits": True, "uneven": True, "relief": True, "speckle": False, "far": False}
 YARNS = ("warp_", "weft_")
 COLORS = ("color", "sigma_per_um")
-KEYS = {"filename", "um_per_uv", "rotation_deg", "to_uv", "footprint_um", "footprint_rad", "footprint_scale", "id", "gaps"}
+KEYS = {"filename", "um_per_uv", "rotation_deg", "to_uv", "footprint_um", "footprint_rad", "footprint_scale", "id", "gaps", "native"}
 KEYS |= set(SWITCHES) | {f"{yarn}{what}" for yarn in ("", *YARNS) for what in COLORS}
 
 
@@ -49,6 +49,7 @@ def define(Calls):
                 raise ValueError(f"{name}: filename: give a cloth file (.pwc), made with `plywave weave SPEC -o CLOTH.pwc`, or a cloth spec (.toml)")
             self.read_footprint(props, on["far"] or on["relief"] or on["speckle"])
             tables = _native.ClothTables(str(mi.file_resolver().resolve(filename)), gaps == "diffracted", **on)
+            self.calls = _kernel_calls.calls_of(kit, tables) if typed(name, props, "native", bool, True) else None
             for note in tables.notes():
                 mi.Log(mi.LogLevel.Info, f"{name}: {note}")
             tensors = tables.tensors()
@@ -66,7 +67,8 @@ def define(Calls):
             self.longest_um = max((a * a + b * b) ** 0.5 for a, b in self.cloth.cell)
             self.read_place(props)
             rgb, spectrum = tensors["dye_rgb"], tensors["dye_spectrum"]
-            self.dyes = kit.parameter(spectrum if kit.spectral else np.pad(rgb, ((0, 0), (0, 1))))
+            self.dyes, self.is_dyed = kit.parameter(spectrum if kit.spectral else np.pad(rgb, ((0, 0), (0, 1)))), False
+            self.own_dyes = np.array(self.dyes)
             self.dye_table, self.dye_count = kit.table_of(self.dyes), len(self.dyes)
             self.read_colors(props)
             F = mi.BSDFFlags
@@ -163,6 +165,8 @@ def define(Calls):
             check_lengths(name, "um_per_uv", scales, scales)
             check_size(name, "dyes_per_um", self.dyes, self.dye_count)
             self.dye_table = kit.table_of(self.dyes)
+            if not keys or "dyes_per_um" in keys:
+                self.is_dyed = not np.array_equal(np.array(detached(self.dyes)), self.own_dyes)
             self.turn_directions()
 
         def scales(self):
@@ -296,6 +300,19 @@ def define(Calls):
 
         # Light
 
+        def is_native(self):
+            """Whether the library answers: it knows neither gradients nor dyes other than the file's."""
+            if self.calls is None or self.is_dyed:
+                return False
+            # In scopes that suspend gradients too, so that all calls of a picture are answered alike.
+            given = [self.um_per_uv, self.dyes, *(value for of in self.textures.values() for _, value in mi.traverse(of))]
+            return not any(v.index_ad for v in _through.variables(given))
+
+        def asked(self, si, active):
+            """Inputs of the library's queries at a point."""
+            own = [detached(sigma) if color is not None or of is not None else None for sigma, color, of in zip(self.own_sigmas(si, active), self.colors, self.sigmas)]
+            return self.place(si), self.to_pattern(si, si.wi), self.footprint(si), own, self.lambda_um(si) if self.kit.spectral else None
+
         walked, chosen_ply, plies_light = _through.walked, _light.chosen_ply, _light.plies_light
 
         def directions(self, si, *wo):
@@ -303,6 +320,8 @@ def define(Calls):
             return [[dr.detach(x) if self.kit.jit else x for x in self.to_pattern(si, w)] for w in wo]
 
         def model_eval(self, si, wo, active):
+            if self.is_native():
+                return self.calls.eval_pdf(self.asked(si, active), self.to_pattern(si, wo), active)
             return self.light(si, self.walked(si, active), self.directions(si, wo))[0]
 
         def light(self, si, at, directions):
@@ -345,12 +364,17 @@ def define(Calls):
             return f, dr.detach(pdf) if kit.jit else pdf
 
         def model_drawn(self, si, u, active):
+            if self.is_native():
+                wo, straight, pdf, f = self.calls.sample(self.asked(si, active), u, active)
+                return (self.to_surface(si, wo), straight, f, pdf), (f, pdf)
             at = self.walked(si, active, is_last=True)
             with dr.suspend_grad():
                 drawn = self.drawn(si, at, u)
             return drawn, self.light(si, at, self.directions(si, drawn[0]))[0]
 
         def model_both(self, si, wo, u, active):
+            if self.is_native():
+                return self.model_eval(si, wo, active), *self.model_drawn(si, u, active)
             at = self.walked(si, active, is_last=True)
             with dr.suspend_grad():
                 drawn = self.drawn(si, at, u)
@@ -424,6 +448,9 @@ def define(Calls):
             return b, straight, at["passing"], at["straight"]
 
         def eval_null_transmission(self, si, active=True):
+            if self.is_native():
+                active = mi.Bool(active)
+                return self.kit.S(dr.select(active, self.calls.straight(self.asked(si, active), active), 0.0))
             return self.kit.S(self.passing_of(self.walked(si, active)))
 
         def to_string(self):

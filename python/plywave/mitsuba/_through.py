@@ -25,27 +25,29 @@ def walked(self, si, active, is_last=False):
     if not (self.kit.jit and dr.flag(dr.JitFlag.SymbolicScope)):
         return walk(self, si, active)
     inputs = [self.kit.bool(active), si.wi, si.uv, si.dp_du, si.dp_dv, si.sh_frame.n, si.t, si.duv_dx, si.duv_dy, si.p, si.prim_index, si.wavelengths, si.time]
-    variables = list(_variables(inputs))
+    all_ = list(variables(inputs))
     # Results computed while gradients are suspended have none.
-    key = ([(v.index, getattr(v, "index_ad", 0)) for v in variables], dr.grad_enabled(self.probe))
+    key = ([(v.index, getattr(v, "index_ad", 0)) for v in all_], dr.grad_enabled(self.probe))
     last, self.last = self.last, None
     at = last[2] if last is not None and last[0] == key else walk(self, si, active)
     if not is_last and not dr.grad_enabled(at["up"], at["down"], self.um_per_uv, *(x for x in at["own"] if x is not None)):
         # Results with gradients are not cached. The variables are stored too, so that their indices are not
         # reused.
-        self.last = (key, variables, at)
+        self.last = (key, all_, at)
     return at
 
 
-def _variables(value):
+def variables(value):
     """All Dr.Jit variables of the arrays in a list."""
     if isinstance(value, list):
         for v in value:
-            yield from _variables(v)
+            yield from variables(v)
+    elif dr.is_tensor_v(value):
+        yield value.array
     elif dr.is_array_v(value):
         if dr.depth_v(value) > 1:
             for i in range(len(value)):
-                yield from _variables(value[i])
+                yield from variables(value[i])
         else:
             yield value
 
