@@ -24,7 +24,7 @@ const MAX_LANES: usize = 16;
 /// Number of words that a call takes, and of the columns of a packet (`RTCRayHit`).
 const WORDS: usize = 12;
 const COLUMNS: usize = 20;
-/// Columns of the results; the kernel takes a lane for a miss unless the column `HIT` has another value than -1.
+/// Columns of the results; the kernel takes a lane for a miss if the column `HIT` is -1.
 const RESULTS: [usize; 5] = [8, 15, 16, 17, 19];
 const HIT: usize = 18;
 /// Words of a query: position, direction towards the viewer and footprint; then the direction towards the
@@ -151,8 +151,8 @@ fn for_each<const W: usize, const N: usize>(
     packet[HIT] = [0; W];
 }
 
-/// Keeps the 12 words of each lane for the next call, which gets the token in the fourth result: absorptions of the two
-/// kinds of yarns and wavelengths, four words each.
+/// Keeps the 12 words of each lane for the call that gets the token, the fourth result: absorptions of the
+/// two kinds of yarns and wavelengths, four words each.
 extern "C" fn put<const W: usize>(_: &[i32; W], _: usize, _: usize, packet: &mut Packet<W>) {
     let token = RING.with_borrow_mut(|ring| {
         let (token, rows) = ring.add();
@@ -252,8 +252,8 @@ where
     ]
 }
 
-/// Addresses of the functions for packets of so many lanes and so many channels; `None` for other numbers than
-/// Dr.Jit's and Mitsuba's.
+/// Addresses of the functions for packets of so many lanes and channels; `None` for other numbers than Dr.Jit's
+/// and Mitsuba's.
 pub(crate) fn addresses(lanes: usize, channels: usize) -> Option<Addresses> {
     Some(match (lanes, channels) {
         (4, 1) => addresses_of::<4, 1>(),
