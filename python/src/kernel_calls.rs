@@ -252,8 +252,8 @@ where
     ]
 }
 
-/// Addresses of the functions for packets of so many lanes and channels; `None` for other numbers than Dr.Jit's
-/// and Mitsuba's.
+/// Addresses of the functions for packets of so many lanes and channels; `None` for other numbers than
+/// those of Dr.Jit and Mitsuba.
 pub(crate) fn addresses(lanes: usize, channels: usize) -> Option<Addresses> {
     Some(match (lanes, channels) {
         (4, 1) => addresses_of::<4, 1>(),

@@ -38,7 +38,7 @@ def rgb(values):
 
 
 OWN = ([0.0008, 0.004, 0.02], [0.05, 0.0, 0.4])
-#: A cloth, keys of the plugin, options of ``plywave.Cloth``, and what its queries have beside place and directions.
+#: A cloth, keys of the plugin, options of ``plywave.Cloth``, and what else its queries have.
 CASES = [
     ("satin", {"gaps": "diffracted"}, {"gaps": "diffracted"}, {}),
     ("jersey", {"sigma_per_um": rgb(OWN[0])}, {}, {"sigma_per_um": OWN[0]}),

@@ -4,8 +4,8 @@ Dr.Jit's core emits a call of a ray tracer's function, whose address it is given
 back. The library's functions have that signature. They run within the kernel, in Dr.Jit's threads, so loops and calls
 stay symbolic, and nothing is compiled for a cloth.
 
-The two functions of Dr.Jit's core are exported from its library, but they are not part of its interface for Python: where
-they are missing, :func:`calls_of` returns ``None``.
+The functions of Dr.Jit's core are exported from its library, but they are not part of its interface for Python: in other
+versions than those they are known of, or where they are missing, :func:`calls_of` returns ``None``.
 """
 
 import ctypes
@@ -18,6 +18,7 @@ import mitsuba as mi
 #: Names in the library, as compilers for Linux and macOS make them of
 #: ``jit_var_pointer``, ``jit_llvm_ray_trace``, ``jit_var_dec_ref_impl`` and ``jit_llvm_vector_width``.
 POINTER, TRACE, RELEASE, LANES = "_Z15jit_var_pointer10JitBackendPKvji", "_Z18jit_llvm_ray_tracejjiPKjPj", "_Z20jit_var_dec_ref_implj", "_Z21jit_llvm_vector_widthv"
+VERSIONS = "1.5."
 LIBRARIES = ("libdrjit-core.so", "libdrjit-core.dylib")
 #: Which numbers a query has beside its own: absorptions of the two kinds of yarns, wavelengths.
 SIGMAS, LAMBDA = (1, 2), 4
@@ -29,6 +30,8 @@ HITS = 8
 @functools.cache
 def core():
     """The functions of Dr.Jit's core by name, or ``None``."""
+    if not dr.__version__.startswith(VERSIONS):
+        return None
     for name in LIBRARIES:
         path = pathlib.Path(dr.__file__).parent / name
         if not path.exists():
