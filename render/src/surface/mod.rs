@@ -9,4 +9,5 @@ pub(crate) mod mesh;
 pub(crate) mod net;
 pub(crate) mod obj;
 pub(crate) mod props;
+pub(crate) mod sheets;
 pub(crate) mod smooth;
