@@ -9,7 +9,7 @@ use crate::math::simd::{fma, max, min};
 /// Largest number of Newton steps; step, relative to a piece's length, below which the iteration ends; and
 /// step above which the result is rejected. Lines across a curve take two steps, lines along it one more.
 const ROUNDS: usize = 8;
-const CLOSE: f32 = 1e-2;
+const CLOSE: f32 = 3e-3;
 const AWAY: f32 = 0.05;
 /// Distance beyond its ends up to which a piece is searched, relative to its length; and the square of the
 /// distance beyond its chord at which a line may be nearest to it.
