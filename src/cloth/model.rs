@@ -328,47 +328,6 @@ impl ClothModel {
         let [i, j] = [0, 1].map(|k| hit.cells[k].wrapping_add(cell[k]) as f32);
         PlyPlace { ply, azimuth, along_um: step * hit.parameter + (a * i + b * j), footprint_um }
     }
-
-    /// The mean over the cell, seen from the viewer `wo` in the pattern's frame, and its weight in the
-    /// answer; `None` if the query does not use it.
-    fn far_at<'a, const N: usize>(&'a self, query: &ClothQuery<'a, N>, wo: [f32; 3]) -> Option<(FarAt<'a, N>, f32)> {
-        let far = self.far.as_deref()?;
-        let longest = self.lines().cell().0.map(|v| v[0].hypot(v[1])).into_iter().fold(0.0, f32::max);
-        let share = far::share(query, wo, f64::from(longest))?;
-        let mut sigma = [Mixed::NONE; 2];
-        for (k, sigma) in sigma.iter_mut().enumerate() {
-            let kind = k.min(self.plies.kinds - 1);
-            match query.sigma_per_um[kind] {
-                Some(own) => sigma.add(1.0, own),
-                None => self.dyes.each(kind, |dye, share| sigma.add(share, dye.at(query.lambda_um, query.channels))),
-            }
-        }
-        let (mut plies, mut passing, openings) = far.at(wo, [&sigma[0], &sigma[1]]);
-        let sigma_per_um = sigma.map(|s| s.sigma());
-        let mut firsts: [(usize, [f32; N]); CLASSES] = std::array::from_fn(|class| (class, plies.first[class]));
-        let hairs = self.hairs.as_deref().map(|layer| {
-            let free = layer.passes(wo);
-            firsts.iter_mut().for_each(|(_, energy)| *energy = energy.map(|e| free * e));
-            let hairs = HairsAt::new((layer, None), wo, sigma_per_um, free * passing);
-            passing *= free * hairs.passes_behind();
-            for (kind, [before, behind]) in hairs.energies().into_iter().enumerate() {
-                firsts[class_of_hairs(kind, false)].1 = before;
-                firsts[class_of_hairs(kind, true)].1 = behind;
-            }
-            hairs
-        });
-        let inter_yarn = self.inter_yarn.at(wo, &firsts, sigma_per_um, self.sent_factors());
-        plies.conserve([0, 1].map(|kind| {
-            let of_plies = &firsts[CLASSES_A_KIND * kind..][..PLY_CLASSES];
-            std::array::from_fn(|k| {
-                of_plies.iter().map(|(_, e)| e[k]).sum::<f32>() - inter_yarn.caught_of_plies[kind][k]
-            })
-        }));
-        let first = std::array::from_fn(|k| firsts.iter().map(|(_, energy)| energy[k]).sum());
-        let through =
-            |opening: Option<Opening>| Some(self.gaps.as_deref()?.apertures().through(opening?, wo, query.lambda_um));
-        Some((FarAt::new(plies, inter_yarn, (passing, openings.map(through)), hairs, first), share))
-    }
 }
 
 /// Energies times a factor.
@@ -381,12 +340,56 @@ fn scaled<const N: usize>(energy: &[f32; N], by: f32) -> [f32; N] {
     all
 }
 
+/// The mean over the cell, seen from the viewer `wo` in the pattern's frame, and its weight in the
+/// answer; `None` if the query does not use it.
+#[multiversion(targets("x86_64+avx2+bmi1+bmi2+fma"))]
+fn far_at<'a, const N: usize>(
+    of: &'a ClothModel,
+    query: &ClothQuery<'a, N>,
+    wo: [f32; 3],
+) -> Option<(FarAt<'a, N>, f32)> {
+    let far = of.far.as_deref()?;
+    let longest = of.lines().cell().0.map(|v| v[0].hypot(v[1])).into_iter().fold(0.0, f32::max);
+    let share = far::share(query, wo, f64::from(longest))?;
+    let mut sigma = [Mixed::NONE; 2];
+    for (k, sigma) in sigma.iter_mut().enumerate() {
+        let kind = k.min(of.plies.kinds - 1);
+        match query.sigma_per_um[kind] {
+            Some(own) => sigma.add(1.0, own),
+            None => of.dyes.each(kind, |dye, share| sigma.add(share, dye.at(query.lambda_um, query.channels))),
+        }
+    }
+    let (mut plies, mut passing, openings) = far.at(wo, [&sigma[0], &sigma[1]]);
+    let sigma_per_um = sigma.map(|s| s.sigma());
+    let mut firsts: [(usize, [f32; N]); CLASSES] = std::array::from_fn(|class| (class, plies.first[class]));
+    let hairs = of.hairs.as_deref().map(|layer| {
+        let free = layer.passes(wo);
+        firsts.iter_mut().for_each(|(_, energy)| *energy = energy.map(|e| free * e));
+        let hairs = HairsAt::new((layer, None), wo, sigma_per_um, free * passing);
+        passing *= free * hairs.passes_behind();
+        for (kind, [before, behind]) in hairs.energies().into_iter().enumerate() {
+            firsts[class_of_hairs(kind, false)].1 = before;
+            firsts[class_of_hairs(kind, true)].1 = behind;
+        }
+        hairs
+    });
+    let inter_yarn = of.inter_yarn.at(wo, &firsts, sigma_per_um, of.sent_factors());
+    plies.conserve([0, 1].map(|kind| {
+        let of_plies = &firsts[CLASSES_A_KIND * kind..][..PLY_CLASSES];
+        std::array::from_fn(|k| of_plies.iter().map(|(_, e)| e[k]).sum::<f32>() - inter_yarn.caught_of_plies[kind][k])
+    }));
+    let first = std::array::from_fn(|k| firsts.iter().map(|(_, energy)| energy[k]).sum());
+    let through =
+        |opening: Option<Opening>| Some(of.gaps.as_deref()?.apertures().through(opening?, wo, query.lambda_um));
+    Some((FarAt::new(plies, inter_yarn, (passing, openings.map(through)), hairs, first), share))
+}
+
 /// Traces the line of a query and prepares its parts.
 #[multiversion(targets("x86_64+avx2+bmi1+bmi2+fma"))]
 fn fill<'a, const N: usize>(of: &'a ClothModel, query: &ClothQuery<'a, N>, at: &mut ClothBsdf<'a, N>) {
     let (turn, at_um, wo) = in_pattern(query);
     at.turn = turn;
-    if at.is_far(of.far_at(query, wo)) {
+    if of.far.is_some() && at.is_far(far_at(of, query, wo)) {
         return;
     }
     let even_um = of.uneven.place(at_um);

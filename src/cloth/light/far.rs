@@ -25,7 +25,9 @@ use crate::cloth::light::hair_layer::{HairLayer, HairsAt};
 use crate::cloth::light::inter_yarn::{CLASSES, CLASSES_A_KIND, InterYarnAt, PLY_CLASSES};
 use crate::cloth::query::ClothQuery;
 use crate::gap::GapAt;
+use crate::math::simd::{max, min};
 use crate::math::{clamp_unit, floor_fraction};
+use multiversion::multiversion;
 use std::f32::consts::{PI, TAU};
 
 /// Energy below which the light of a kind is not rescaled.
@@ -33,22 +35,28 @@ const MIN_ENERGY: f32 = 1e-6;
 /// Share of the samples of the plies' light that is uniform over the sphere.
 const EVEN: f32 = 0.02;
 
+/// `[node of absorption][channel]`: interpolation weights.
+type Weights<const N: usize> = [[f32; N]; SIGMAS];
+
 /// Absorptions of a kind of yarn whose yarns have several colors, as a mixture.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Mixed<const N: usize> {
-    weights: [[f32; SIGMAS]; N],
+    weights: Weights<N>,
     /// `[channel]`: mean of `1 / (1 + sigma L)`.
     mean: [f32; N],
 }
 
 impl<const N: usize> Mixed<N> {
-    pub(crate) const NONE: Mixed<N> = Mixed { weights: [[0.0; SIGMAS]; N], mean: [0.0; N] };
+    pub(crate) const NONE: Mixed<N> = Mixed { weights: [[0.0; N]; SIGMAS], mean: [0.0; N] };
 
     /// Adds a color that this share of the yarns has.
+    #[inline(always)]
     pub(crate) fn add(&mut self, share: f32, sigma_per_um: [f32; N]) {
         for k in 0..N {
             let weights = sigma_weights(sigma_per_um[k]);
-            (0..SIGMAS).for_each(|s| self.weights[k][s] += share * weights[s]);
+            for s in 0..SIGMAS {
+                self.weights[s][k] += share * weights[s];
+            }
             self.mean[k] += share / (1.0 + sigma_per_um[k].clamp(0.0, 1e6) * LENGTH_UM);
         }
     }
@@ -183,9 +191,10 @@ impl Far {
     ///
     /// The energy that clear plies of both kinds scatter and the light that passes are interpolated between
     /// views about different axes. Together they must be the energy of the beam, 1, and are scaled to it.
+    #[inline(always)]
     pub(crate) fn at<const N: usize>(&self, wo: [f32; 3], dyes: [&Mixed<N>; 2]) -> (PliesAt<'_, N>, f32, &Openings) {
-        let sigma = dyes.map(|dye| dye.weights);
-        let around = self.runs.map(|runs| views(runs, wo));
+        let sigma = [dyes[0].weights, dyes[1].weights];
+        let around = [views(self.runs[0], wo), views(self.runs[1], wo)];
         let mut at = PliesAt {
             far: self,
             around,
@@ -202,22 +211,27 @@ impl Far {
             if plies.f.is_empty() {
                 continue;
             }
-            let mut energy = [0.0; SIGMAS];
-            for (view, share) in views.into_iter().zip(shares) {
-                clear += share * plies.first[view].iter().map(|of| of[0]).sum::<f32>();
-                for (side, width) in plies.energy[view].iter().zip(widths(theta_i)) {
-                    (0..SIGMAS).for_each(|s| energy[s] += share * width * side[s]);
+            let (mut energy, mut first) = ([0.0; SIGMAS], [[0.0; SIGMAS]; PLY_CLASSES]);
+            for v in 0..4 {
+                let (sides, widths) = (&plies.energy[views[v]], widths(theta_i));
+                for s in 0..SIGMAS {
+                    energy[s] += shares[v] * (widths[0] * sides[0][s] + widths[1] * sides[1][s]);
                 }
-                for n in 0..N {
-                    for class in 0..PLY_CLASSES {
-                        at.first[CLASSES_A_KIND * k + class][n] += share * dot(&plies.first[view][class], &sigma[k][n]);
+                let of = &plies.first[views[v]];
+                for class in 0..PLY_CLASSES {
+                    for s in 0..SIGMAS {
+                        first[class][s] += shares[v] * of[class][s];
                     }
                 }
             }
-            at.energy[k] = sigma[k].map(|sigma| dot(&energy, &sigma));
+            for class in 0..PLY_CLASSES {
+                clear += first[class][0];
+                at.first[CLASSES_A_KIND * k + class] = mixed(&first[class], &sigma[k]);
+            }
+            at.energy[k] = mixed(&energy, &sigma[k]);
             // Share of the samples drawn as for dark fibers, from their share of the light.
             let (clear, dark) = (energy[0], energy[SIGMAS - 1]);
-            let energy = at.energy[k].iter().sum::<f32>() / N.max(1) as f32;
+            let energy = mean(&at.energy[k]);
             at.dark[k] = if energy > 0.0 {
                 ((clear - energy) / (clear - dark).max(1e-9) * dark / energy).clamp(0.0, 1.0)
             } else {
@@ -225,16 +239,39 @@ impl Far {
             };
         }
         let (views, shares, _) = around[0];
-        let passing: f32 = views.iter().zip(shares).map(|(view, share)| share * self.passing[*view]).sum();
+        let mut passing = 0.0;
+        for v in 0..4 {
+            passing += shares[v] * self.passing[views[v]];
+        }
         let per = 1.0 / (clear + passing).max(MIN_ENERGY);
-        at.first.as_flattened_mut().iter_mut().for_each(|energy| *energy *= per);
+        for energy in at.first.as_flattened_mut() {
+            *energy *= per;
+        }
         let nearest = (0..4).max_by(|a, b| shares[*a].total_cmp(&shares[*b])).map_or(0, |i| views[i]);
         (at, per * passing, &self.openings[nearest])
     }
 }
 
-fn dot(a: &[f32; SIGMAS], b: &[f32; SIGMAS]) -> f32 {
-    a.iter().zip(b).map(|(a, b)| a * b).sum()
+/// Values at nodes of absorption, interpolated for all channels.
+#[inline(always)]
+fn mixed<const N: usize>(of: &[f32; SIGMAS], weights: &Weights<N>) -> [f32; N] {
+    let mut mixed = [0.0; N];
+    for s in 0..SIGMAS {
+        for n in 0..N {
+            mixed[n] += of[s] * weights[s][n];
+        }
+    }
+    mixed
+}
+
+/// Mean over channels.
+#[inline(always)]
+fn mean<const N: usize>(of: &[f32; N]) -> f32 {
+    let mut sum = 0.0;
+    for x in of {
+        sum += x;
+    }
+    sum / N.max(1) as f32
 }
 
 /// The mean light of the plies for one direction of the viewer.
@@ -243,8 +280,8 @@ pub(crate) struct PliesAt<'a, const N: usize> {
     far: &'a Far,
     /// `[kind]`: the four views around, their interpolation weights, and theta_i [rad].
     around: [([usize; 4], [f32; 4], f32); 2],
-    /// `[kind][wavelength]`: interpolation weights of the nodes of absorption.
-    sigma: [[[f32; SIGMAS]; N]; 2],
+    /// `[kind]`: interpolation weights of the nodes of absorption.
+    sigma: [Weights<N>; 2],
     /// `[kind][wavelength]`: energy that leaves the cloth straight from its plies, and factors on f.
     pub energy: [[f32; N]; 2],
     scale: [[f32; N]; 2],
@@ -270,7 +307,8 @@ impl<const N: usize> PliesAt<'_, N> {
     }
 
     /// Adds f in direction `b`, and the density of each kind's samples times its probability.
-    pub(crate) fn add(&self, b: [f32; 3], chances: [f32; 2], f: &mut [f32; N], pdf: &mut f32) {
+    #[inline(always)]
+    fn add(&self, b: [f32; 3], chances: [f32; 2], f: &mut [f32; N], pdf: &mut f32) {
         for k in 0..2 {
             let (views, shares, theta_i) = self.around[k];
             let plies = &self.far.kinds[k];
@@ -278,41 +316,41 @@ impl<const N: usize> PliesAt<'_, N> {
                 continue;
             }
             let (theta, phi) = angles(self.far.runs[k], b);
-            let q = q_of(theta_i, theta).clamp(0.0, (NODES - 1) as f32);
+            let q = min(max(q_of(theta_i, theta), 0.0), (NODES - 1) as f32);
             // The azimuth is wrapped after scaling: adding a full turn to the angle would lose digits, and f
             // changes by a factor of several tens between neighboring columns.
             let (column, t) = floor_fraction(phi * (COLUMNS as f32 / TAU));
             let column = column.rem_euclid(COLUMNS as i32) as usize;
-            let (row, s) = ((q as usize).min(NODES - 2), q - (q as usize).min(NODES - 2) as f32);
+            let row = (q as usize).min(NODES - 2);
+            let s = q - row as f32;
             let next = (column + 1) % COLUMNS;
-            let mut sum = [0.0; SIGMAS];
+            let nodes = [column * NODES + row, column * NODES + row + 1, next * NODES + row, next * NODES + row + 1];
+            let weights = [(1.0 - t) * (1.0 - s), (1.0 - t) * s, t * (1.0 - s), t * s];
             let cell = column * (NODES - 1) + row;
-            let mut density = 0.0;
-            for (view, share) in views.into_iter().zip(shares) {
-                if share <= 0.0 {
+            let (mut sum, mut density) = ([0.0; SIGMAS], 0.0);
+            for v in 0..4 {
+                if shares[v] <= 0.0 {
                     continue;
                 }
-                let of = &plies.f[view * COLUMNS * NODES..][..COLUMNS * NODES];
-                for (node, weight) in [
-                    (column * NODES + row, (1.0 - t) * (1.0 - s)),
-                    (column * NODES + row + 1, (1.0 - t) * s),
-                    (next * NODES + row, t * (1.0 - s)),
-                    (next * NODES + row + 1, t * s),
-                ] {
-                    let weight = weight * share;
-                    (0..SIGMAS).for_each(|i| sum[i] += weight * of[node][i]);
+                let of = &plies.f[views[v] * COLUMNS * NODES..][..COLUMNS * NODES];
+                for i in 0..4 {
+                    let (of, weight) = (&of[nodes[i]], weights[i] * shares[v]);
+                    for s in 0..SIGMAS {
+                        sum[s] += weight * of[s];
+                    }
                 }
-                let chance = |dark: usize| {
-                    let sums = &plies.chances[(2 * view + dark) * CELLS..][..CELLS];
-                    sums[cell] - if cell > 0 { sums[cell - 1] } else { 0.0 }
-                };
-                density += share * ((1.0 - self.dark[k]) * chance(0) + self.dark[k] * chance(1));
+                for (dark, share) in [1.0 - self.dark[k], self.dark[k]].into_iter().enumerate() {
+                    let sums = &plies.chances[(2 * views[v] + dark) * CELLS..][..CELLS];
+                    let before = if cell > 0 { sums[cell - 1] } else { 0.0 };
+                    density += shares[v] * share * (sums[cell] - before);
+                }
             }
+            let light = mixed(&sum, &self.sigma[k]);
             let per_cosine = 1.0 / cosine_of(theta);
             for n in 0..N {
-                f[n] += self.scale[k][n] * per_cosine * dot(&sum, &self.sigma[k][n]);
+                f[n] += self.scale[k][n] * per_cosine * light[n];
             }
-            *pdf += chances[k] * density / solid_angle(theta_i, row).max(1e-12);
+            *pdf += chances[k] * density / max(solid_angle(theta_i, row), 1e-12);
         }
     }
 
@@ -366,7 +404,6 @@ impl<'a, const N: usize> FarAt<'a, N> {
         mut hairs: Option<HairsAt<'a, N>>,
         first: [f32; N],
     ) -> Self {
-        let mean = |x: &[f32; N]| x.iter().sum::<f32>() / N.max(1) as f32;
         let [warp, weft] = plies.energy.map(|e| mean(&e));
         let [up, down] = inter_yarn.energy.map(|e| mean(&e));
         let of_hairs = hairs.as_ref().map_or([0.0; 2], |hairs| hairs.out().map(|out| mean(&out)));
@@ -403,24 +440,40 @@ impl<'a, const N: usize> FarAt<'a, N> {
         plies + self.inter_yarn.energy[0][k] + self.inter_yarn.energy[1][k] + diffracted
     }
 
+    #[inline]
     pub(crate) fn add(&self, b: [f32; 3], share: f32, f: &mut [f32; N], pdf: &mut f32) {
-        let (mut own, mut density) = ([0.0; N], self.inter_yarn.pdf([self.chances[2], self.chances[3]], b));
+        add(self, b, share, f, pdf);
+    }
+
+    #[inline(always)]
+    fn add_in_place(&self, b: [f32; 3], share: f32, f: &mut [f32; N], pdf: &mut f32) {
+        let (inter_yarn, mut density) = self.inter_yarn.eval_pdf([self.chances[2], self.chances[3]], b);
+        let mut own = [0.0; N];
         self.plies.add(b, [self.chances[0], self.chances[1]], &mut own, &mut density);
         if let Some(hairs) = &self.hairs {
             let free = hairs.free(b);
-            own.iter_mut().for_each(|f| *f *= free);
+            for k in 0..N {
+                own[k] *= free;
+            }
             hairs.add(b, &mut own);
             density += hairs.pdf(b);
         }
-        let inter_yarn = self.inter_yarn.eval(b);
-        (0..N).for_each(|k| own[k] += inter_yarn[k]);
-        let count = self.gaps.iter().flatten().count();
-        for gap in self.gaps.iter().flatten() {
-            let (light, gap_pdf) = gap.conserved(b);
-            (0..N).for_each(|k| own[k] += self.passing / count as f32 * light[k]);
-            density += self.chances[4] / count as f32 * gap_pdf;
+        for k in 0..N {
+            own[k] += inter_yarn[k];
         }
-        (0..N).for_each(|k| f[k] += share * own[k]);
+        if self.is_diffracted() {
+            let per = 1.0 / self.gaps.iter().flatten().count() as f32;
+            for gap in self.gaps.iter().flatten() {
+                let (light, gap_pdf) = gap.conserved(b);
+                for k in 0..N {
+                    own[k] += per * self.passing * light[k];
+                }
+                density += per * self.chances[4] * gap_pdf;
+            }
+        }
+        for k in 0..N {
+            f[k] += share * own[k];
+        }
         *pdf += share * density;
     }
 
@@ -452,6 +505,12 @@ impl<'a, const N: usize> FarAt<'a, N> {
         }
         None
     }
+}
+
+/// Adds f and density of the mean in a direction, times its share.
+#[multiversion(targets("x86_64+avx2+bmi1+bmi2+fma"))]
+fn add<const N: usize>(of: &FarAt<'_, N>, b: [f32; 3], share: f32, f: &mut [f32; N], pdf: &mut f32) {
+    of.add_in_place(b, share, f, pdf);
 }
 
 #[cfg(test)]

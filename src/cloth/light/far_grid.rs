@@ -9,7 +9,8 @@ use crate::cloth::geometry::plies::Runs;
 use crate::cloth::light::absorption::SIGMAS;
 use crate::cloth::light::inter_yarn::PLY_CLASSES;
 use crate::gap::Opening;
-use std::f32::consts::{FRAC_PI_2, TAU};
+use crate::math::simd::{atan2, exp2_within, ln, max, min, sin_cos_half_turns};
+use std::f32::consts::{FRAC_1_PI, FRAC_PI_2, LOG2_E, TAU};
 
 /// Azimuths of the viewer over one side of the cloth [degrees], denser towards the plane.
 pub(crate) const PHI_I_DEG: [f32; 15] =
@@ -35,12 +36,22 @@ pub type Openings = [Option<Opening>; APERTURES];
 /// Number of table entries for the openings of one view.
 pub(crate) const OPENING_NUMBERS: usize = 1 + 3 * APERTURES;
 /// theta and phi [rad] of a direction about the yarns of a kind.
+#[inline(always)]
 pub fn angles(runs: Runs, w: [f32; 3]) -> (f32, f32) {
     let (along, across) = match runs {
         Runs::AlongY => (w[1], w[0]),
         Runs::AlongX => (w[0], w[1]),
     };
-    (along.clamp(-1.0, 1.0).asin(), w[2].atan2(across))
+    let along = min(max(along, -1.0), 1.0);
+    let theta = atan2::<false>(along, ((1.0 - along) * (1.0 + along)).sqrt());
+    (theta, atan2::<false>(w[2], across))
+}
+
+/// Sine and cosine of an angle within half a turn [rad].
+#[inline(always)]
+fn sin_cos(x: f32) -> (f32, f32) {
+    let (sin, cos, sign) = sin_cos_half_turns::<false>(FRAC_1_PI * x);
+    (f32::from_bits(sin.to_bits() ^ sign), f32::from_bits(cos.to_bits() ^ sign))
 }
 
 /// The inverse of [`angles`].
@@ -55,6 +66,7 @@ pub fn direction(runs: Runs, theta: f32, phi: f32) -> [f32; 3] {
 
 /// Latitude of the light [rad] at node q, from 0 to `2 STEPS`, for a viewer at theta_i; nodes are denser near
 /// the cone.
+#[inline(always)]
 pub fn theta_of(theta_i: f32, q: f32) -> f32 {
     let t = q / STEPS as f32 - 1.0;
     let t = t * t.abs().sqrt();
@@ -62,16 +74,18 @@ pub fn theta_of(theta_i: f32, q: f32) -> f32 {
 }
 
 /// The inverse of [`theta_of`].
+#[inline(always)]
 pub(crate) fn q_of(theta_i: f32, theta_o: f32) -> f32 {
     let off = theta_o + theta_i;
     let width = if off < 0.0 { FRAC_PI_2 - theta_i } else { FRAC_PI_2 + theta_i };
-    let t = (off.abs() / width.max(1e-6)).min(1.0);
+    let t = min(off.abs() / max(width, 1e-6), 1.0);
     // t becomes its power 2/3.
-    let t = t.cbrt();
-    STEPS as f32 * (1.0 + (t * t).copysign(off))
+    let t = exp2_within::<false>(2.0 / 3.0 * LOG2_E * ln::<false>(max(t, 1e-30)));
+    STEPS as f32 * (1.0 + t.copysign(off))
 }
 
 /// Index of the node below `x` on an axis and the weight of the next, clamped to the axis.
+#[inline(always)]
 pub(crate) fn between_nodes(axis: &[f32], x: f32) -> (usize, f32) {
     let node = axis.partition_point(|node| *node <= x).clamp(1, axis.len() - 1) - 1;
     (node, ((x - axis[node]) / (axis[node + 1] - axis[node])).clamp(0.0, 1.0))
@@ -79,6 +93,7 @@ pub(crate) fn between_nodes(axis: &[f32], x: f32) -> (usize, f32) {
 
 /// The four views around the viewer's direction, their interpolation weights, and the viewer's latitude
 /// [rad].
+#[inline(always)]
 pub(crate) fn views(runs: Runs, wo: [f32; 3]) -> ([usize; 4], [f32; 4], f32) {
     let (theta, phi) = angles(runs, wo);
     let (i, s) = between_nodes(&PHI_I_DEG, phi.abs().to_degrees());
@@ -109,9 +124,10 @@ pub struct Seen {
 }
 
 /// Solid angle of a grid cell for a viewer at theta_i [sr].
+#[inline(always)]
 pub(crate) fn solid_angle(theta_i: f32, q: usize) -> f32 {
-    let [low, high] = [q, q + 1].map(|q| theta_of(theta_i, q as f32).sin());
-    (high - low) * TAU / COLUMNS as f32
+    let (low, high) = (theta_of(theta_i, q as f32), theta_of(theta_i, (q + 1) as f32));
+    (sin_cos(high).0 - sin_cos(low).0) * TAU / COLUMNS as f32
 }
 
 /// The tables of the mean as stored in the file; `Far` (`far.rs`) is built from them.
@@ -169,11 +185,13 @@ pub(crate) fn cell_weights(q: usize) -> [f32; 2] {
 }
 
 /// Angles from the cone to the axis on both sides of the cone [rad].
+#[inline(always)]
 pub(crate) fn widths(theta_i: f32) -> [f32; 2] {
     [FRAC_PI_2 - theta_i, FRAC_PI_2 + theta_i]
 }
 
 /// Cosine of the light's latitude with the lower bound that table entries use.
+#[inline(always)]
 pub(crate) fn cosine_of(theta: f32) -> f32 {
-    theta.cos().max(MIN_COSINE)
+    max(sin_cos(theta).1, MIN_COSINE)
 }
