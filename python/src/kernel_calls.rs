@@ -53,11 +53,11 @@ struct Ring {
 }
 
 impl Ring {
-    fn add(&mut self) -> (u32, &mut Rows) {
+    /// Keeps rows; returns their token.
+    fn add(&mut self, rows: Rows) -> u32 {
         self.next = self.next.wrapping_add(1);
-        let (token, rows) = &mut self.rows[self.next as usize % KEPT];
-        *token = self.next;
-        (self.next, rows)
+        self.rows[self.next as usize % KEPT] = (self.next, rows);
+        self.next
     }
 
     /// The rows of a token; `None` if they were overwritten or belong to another thread.
@@ -154,13 +154,11 @@ fn for_each<const W: usize, const N: usize>(
 /// Keeps the 12 words of each lane for the call that gets the token, the fourth result: absorptions of the
 /// two kinds of yarns and wavelengths, four words each.
 extern "C" fn put<const W: usize>(_: &[i32; W], _: usize, _: usize, packet: &mut Packet<W>) {
-    let token = RING.with_borrow_mut(|ring| {
-        let (token, rows) = ring.add();
-        for (i, row) in rows.iter_mut().enumerate().take(W) {
-            *row = std::array::from_fn(|k| packet[k][i]);
-        }
-        token
-    });
+    let mut rows: Rows = [[0; WORDS]; MAX_LANES];
+    for (i, row) in rows.iter_mut().enumerate().take(W) {
+        *row = std::array::from_fn(|k| packet[k][i]);
+    }
+    let token = RING.with_borrow_mut(|ring| ring.add(rows));
     RESULTS.iter().for_each(|column| packet[*column] = [0; W]);
     packet[RESULTS[3]] = [token; W];
     packet[HIT] = [0; W];
@@ -216,12 +214,7 @@ extern "C" fn sample<const W: usize, const N: usize>(
         weight.iter().zip(&mut kept[i]).for_each(|(weight, word)| *word = (weight * pdf.abs()).to_bits());
         [w[0].to_bits(), w[1].to_bits(), w[2].to_bits(), pdf.to_bits(), 0]
     });
-    let token = RING.with_borrow_mut(|ring| {
-        let (token, rows) = ring.add();
-        rows[..W].copy_from_slice(&kept[..W]);
-        token
-    });
-    packet[RESULTS[4]] = [token; W];
+    packet[RESULTS[4]] = [RING.with_borrow_mut(|ring| ring.add(kept)); W];
 }
 
 /// The energy of straight light.

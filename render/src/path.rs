@@ -117,7 +117,7 @@ fn openness<S: Surface>(scene: &Scene, surface: &S) -> f32 {
         let mut rng = PathNumbers::new(0, sample);
         let [z, phi]: [f32; 2] = rng.random();
         // Directions by the cosine, of either side.
-        let (z, side) = (z.fract().sqrt(), if sample % 2 == 0 { 1.0 } else { -1.0 });
+        let (z, side) = (z.sqrt(), if sample % 2 == 0 { 1.0 } else { -1.0 });
         let (sin, cos) = (std::f32::consts::TAU * phi).sin_cos();
         let r = (1.0 - z * z).max(0.0).sqrt();
         let wo = [r * cos, r * sin, side * z.max(0.05)];
@@ -236,6 +236,13 @@ impl Segment {
         // Footprint on the cloth: the geometric mean of the axes of its ellipse.
         let footprint_mm = (self.width + self.width_per_mm * point.t) / wo[2].abs().max(0.01).sqrt();
         surface.at(point.uv_um, 1000.0 * footprint_mm, wo, lambda)
+    }
+
+    /// Adds the light of a source that the ray hits.
+    fn add_light(&self, weight: f32, radiance: &Light4, light: &mut Light4) {
+        for k in 0..WAVELENGTHS {
+            light[k] += self.throughput[k] * weight * radiance[k];
+        }
     }
 
     /// The ray after scattering at `point` into `direction`, whose density is `pdf` [1/sr].
@@ -357,7 +364,7 @@ impl<S: Surface> Sheet<'_, S> {
         branches: &mut Vec<Branch>,
         remaining: &mut usize,
     ) {
-        let scene = self.scene;
+        let (scene, mut next) = (self.scene, Vec::new());
         loop {
             let Branch { segment, roulette, shares, light } = branch;
             let scene_hit = scene.first(segment.origin, segment.direction);
@@ -366,9 +373,7 @@ impl<S: Surface> Sheet<'_, S> {
             if let Some(source) = scene.sources().hit(segment.origin, segment.direction, reach, lambda) {
                 let apart = if roulette.is_cut() { 1.0 } else { shares.product() };
                 let weight = apart * scene.sampling.weight_of_hit(segment.pdf, source.pdf * segment.draws as f32);
-                for k in 0..WAVELENGTHS {
-                    light[k] += segment.throughput[k] * weight * source.radiance[k];
-                }
+                segment.add_light(weight, &source.radiance, light);
                 return;
             }
             let Some(scene_hit) = scene_hit else { return };
@@ -394,7 +399,6 @@ impl<S: Surface> Sheet<'_, S> {
                 remaining: roulette.remaining(),
                 count: if goes_on { count } else { 0 },
             };
-            let mut next = Vec::new();
             let albedo = match scene_hit {
                 SceneHit::Sheet(_) => {
                     let at = segment.at(self.surface, &point, lambda);
@@ -414,7 +418,7 @@ impl<S: Surface> Sheet<'_, S> {
                 traced.hit = Some((to_camera.to_array(), point.t));
             }
             let Some(first) = next.pop() else { return };
-            for segment in next {
+            for segment in next.drain(..) {
                 let mut other = Branch { segment, roulette: roulette.branch(), shares: *shares, light: [0.0; 4] };
                 if other.roulette.survives(&mut other.segment.throughput, rng) {
                     branches.push(other);
@@ -509,9 +513,7 @@ impl<S: Surface> Sheet<'_, S> {
                 let reach = scene_hit.map_or(f32::INFINITY, |m| m.point().t);
                 if let Some(source) = scene.sources().hit(segment.origin, segment.direction, reach, lambda) {
                     weight *= scene.sampling.weight_of_hit(segment.pdf, source.pdf * segment.draws as f32);
-                    for k in 0..WAVELENGTHS {
-                        light[k] += segment.throughput[k] * weight * source.radiance[k];
-                    }
+                    segment.add_light(weight, &source.radiance, light);
                     break;
                 }
                 let Some(SceneHit::Sheet(point)) = scene_hit else { break };

@@ -133,7 +133,7 @@ impl Setup {
                 let post = block([-0.06, -0.06, Mesh::FLOOR], [0.06, 0.06, -0.5 * Mesh::BALL]);
                 vec![floor(Mesh::FLOOR), ball(Mesh::BALL), post]
             }
-            Setup::Ball => vec![floor(-Mesh::WRAPPED - 0.02), ball(Mesh::WRAPPED)],
+            Setup::Ball => vec![floor(Mesh::WRAPPED_FLOOR), ball(Mesh::WRAPPED)],
             Setup::Folded => vec![floor(0.0)],
             Setup::Curtain => {
                 // A wall with an opening, a cross in it, and a sill.

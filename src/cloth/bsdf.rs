@@ -10,7 +10,7 @@
 
 use crate::bsdf::{DirectionSample, Outcomes};
 use crate::cloth::light::absorption::SIGMAS;
-use crate::cloth::light::far::FarAt;
+use crate::cloth::light::far::{self, FarAt};
 use crate::cloth::light::far_grid::Seen;
 use crate::cloth::light::hair_layer::HairsAt;
 use crate::cloth::light::inter_yarn::{CLASSES_A_KIND, InterYarnAt, PLY_CLASSES};
@@ -333,7 +333,7 @@ impl<const N: usize> ClothBsdf<'_, N> {
         let (mut f, mut pdf) = if *share < 1.0 { self.near(b, known) } else { ([0.0; N], 0.0) };
         f.iter_mut().for_each(|f| *f *= 1.0 - share);
         pdf *= 1.0 - share;
-        far.add(b, *share, &mut f, &mut pdf);
+        far::add(far, b, *share, &mut f, &mut pdf);
         (f, pdf)
     }
 

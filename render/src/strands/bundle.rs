@@ -14,9 +14,9 @@ use plywave::math::simd::{fma, max, min};
 /// Largest number of capsules of a bundle.
 pub const CAPSULES: usize = 8;
 /// Largest 8-bit coordinate.
-const STEPS: f32 = 255.0;
-/// The bit of each capsule; a table, since shifts by other amounts would not be one instruction for all.
-const BITS: [u32; CAPSULES] = [1, 2, 4, 8, 16, 32, 64, 128];
+pub const STEPS: f32 = 255.0;
+/// The bit of each of eight lanes; a table, since shifts by other amounts would not be one instruction for all.
+pub const BITS: [u32; 8] = [1, 2, 4, 8, 16, 32, 64, 128];
 /// Margin for rounding, relative to the largest coordinate: it covers the chord's ends, the ray's origin,
 /// their difference, and its products with the ray's axes.
 const PAD: f32 = 4e-6;

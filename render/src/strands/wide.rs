@@ -2,7 +2,7 @@
 //!
 //! obvhs builds the binary tree from which this tree is made.
 
-use super::bundle::{Bundle, CAPSULES, Capsule};
+use super::bundle::{BITS, Bundle, CAPSULES, Capsule, STEPS};
 use crate::surface::bvh;
 use glam::{Vec3, Vec3A};
 use obvhs::aabb::Aabb;
@@ -22,10 +22,6 @@ const WAITING: usize = 2;
 const ROOM: f32 = 1.0 + 4e-7;
 /// Smallest magnitude of a component of a direction.
 const MIN: f32 = 1e-12;
-/// Largest 8-bit coordinate.
-const STEPS: f32 = 255.0;
-/// The bit of each child; a table, since shifts by other amounts would not be one instruction for all.
-const BITS: [u32; WIDTH] = [1, 2, 4, 8, 16, 32, 64, 128];
 /// Margin by which boxes grow for the rounding of traversal, relative to the largest coordinate of the scene.
 /// The error is some fifteen roundings of 6e-8 times up to 3.5 coordinates: those of the ray's origin, of the
 /// difference, of the product, and of the 8-bit coordinates.

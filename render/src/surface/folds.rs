@@ -2,7 +2,7 @@
 //! sheets. A sheet that is bent along one direction alone does not stretch.
 
 use crate::surface::net::Net;
-use glam::Vec3;
+use glam::{Vec2, Vec3};
 use std::f32::consts::{PI, TAU};
 
 /// Folds of a curtain, and cells of its net along width and length.
@@ -62,6 +62,8 @@ const AT_FOLD: f32 = 0.0105;
 /// Length over which a fold rises.
 const RISE: f32 = 0.022;
 const STACK_CELLS: [usize; 2] = [900, 40];
+/// Turn about z [rad] and place of each sheet.
+const LYING: [(f32, [f32; 2]); SHEETS] = [(0.0, [0.0, 0.0]), (0.045, [0.002, -0.003]), (-0.03, [-0.003, 0.002])];
 
 /// One sheet of a stack, folded into panels along x, before it is turned.
 #[derive(Clone, Copy)]
@@ -118,28 +120,17 @@ impl Folded {
 
 /// Sheets of length 1 along u, folded into panels, in a stack on the plane z = 0.
 pub(crate) fn stack() -> Vec<Net> {
-    // Turn about z, and place, of each sheet.
-    let turned = |number: usize, p: [f32; 2]| {
-        let (sin, cos) = [0.0f32, 0.045, -0.03][number % 3].sin_cos();
-        let off = [[0.0f32, 0.0], [0.002, -0.003], [-0.003, 0.002]][number % 3];
-        [cos * p[0] - sin * p[1] + off[0], sin * p[0] + cos * p[1] + off[1]]
-    };
-    let back = |number: usize, p: [f32; 2]| {
-        let (sin, cos) = [0.0f32, 0.045, -0.03][number % 3].sin_cos();
-        let off = [[0.0f32, 0.0], [0.002, -0.003], [-0.003, 0.002]][number % 3];
-        let (x, y) = (p[0] - off[0], p[1] - off[1]);
-        [cos * x + sin * y, -sin * x + cos * y]
-    };
-    let below = |number: usize, p: [f32; 2]| -> f32 {
-        (0..number)
-            .map(|n| {
-                let [x, y] = back(n, p);
-                Folded { number: n }.height(PANELS - 1, x, y)
-            })
-            .sum()
+    let below = |number: usize, p: Vec2| -> f32 {
+        let height = |number: usize| {
+            let (turn, place) = LYING[number];
+            let at = Vec2::from_angle(-turn).rotate(p - Vec2::from(place));
+            Folded { number }.height(PANELS - 1, at.x, at.y)
+        };
+        (0..number).map(height).sum()
     };
     let [n, m] = STACK_CELLS;
     let net = |number: usize| {
+        let (turn, place) = LYING[number];
         let mut points = Vec::with_capacity((n + 1) * (m + 1));
         for j in 0..=m {
             let y = STACK_DEPTH * (j as f32 / m as f32 - 0.5);
@@ -147,8 +138,8 @@ pub(crate) fn stack() -> Vec<Net> {
                 .section(y)
                 .into_iter()
                 .map(|[x, z]| {
-                    let [px, py] = turned(number, [x, y]);
-                    Vec3::new(px, py, z + below(number, [px, py]))
+                    let at = Vec2::from_angle(turn).rotate(Vec2::new(x, y)) + Vec2::from(place);
+                    at.extend(z + below(number, at))
                 })
                 .collect();
             // Equal lengths of cloth along the section.

@@ -21,8 +21,8 @@ impl Mesh {
     /// A square sheet that is drawn around a ball about the origin on a floor, with a hem: see
     /// [`Mesh::WRAPPED`]. The simulation takes as long as that of [`Mesh::drape`].
     pub fn wrapped(size_mm: f32) -> Mesh {
-        let floor = -Mesh::WRAPPED - 0.02;
-        Mesh::fallen(&Fall { ball: Mesh::WRAPPED + LIFT, floor: floor + LIFT, turn: 0.6, pull: 1.2 }, size_mm)
+        let (ball, floor) = (Mesh::WRAPPED + LIFT, Mesh::WRAPPED_FLOOR + LIFT);
+        Mesh::fallen(&Fall { ball, floor, turn: 0.6, pull: 1.2 }, size_mm)
     }
 
     fn fallen(on: &Fall, size_mm: f32) -> Mesh {
@@ -63,6 +63,8 @@ impl Mesh {
     pub const FLOOR: f32 = -0.27;
     /// Radius of a ball wrapped in a sheet, relative to the sheet's width.
     pub const WRAPPED: f32 = 0.23;
+    /// Height of the floor under it.
+    pub const WRAPPED_FLOOR: f32 = -Mesh::WRAPPED - 0.02;
     /// Width of a hung curtain and its length, relative to the width of its cloth.
     pub const HUNG: f32 = 0.5;
     /// Length of a curtain, relative to the width of its cloth.

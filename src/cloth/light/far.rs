@@ -440,13 +440,8 @@ impl<'a, const N: usize> FarAt<'a, N> {
         plies + self.inter_yarn.energy[0][k] + self.inter_yarn.energy[1][k] + diffracted
     }
 
-    #[inline]
-    pub(crate) fn add(&self, b: [f32; 3], share: f32, f: &mut [f32; N], pdf: &mut f32) {
-        add(self, b, share, f, pdf);
-    }
-
     #[inline(always)]
-    fn add_in_place(&self, b: [f32; 3], share: f32, f: &mut [f32; N], pdf: &mut f32) {
+    fn add(&self, b: [f32; 3], share: f32, f: &mut [f32; N], pdf: &mut f32) {
         let (inter_yarn, mut density) = self.inter_yarn.eval_pdf([self.chances[2], self.chances[3]], b);
         let mut own = [0.0; N];
         self.plies.add(b, [self.chances[0], self.chances[1]], &mut own, &mut density);
@@ -509,8 +504,8 @@ impl<'a, const N: usize> FarAt<'a, N> {
 
 /// Adds f and density of the mean in a direction, times its share.
 #[multiversion(targets("x86_64+avx2+bmi1+bmi2+fma"))]
-fn add<const N: usize>(of: &FarAt<'_, N>, b: [f32; 3], share: f32, f: &mut [f32; N], pdf: &mut f32) {
-    of.add_in_place(b, share, f, pdf);
+pub(crate) fn add<const N: usize>(of: &FarAt<'_, N>, b: [f32; 3], share: f32, f: &mut [f32; N], pdf: &mut f32) {
+    of.add(b, share, f, pdf);
 }
 
 #[cfg(test)]

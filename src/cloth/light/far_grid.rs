@@ -9,7 +9,7 @@ use crate::cloth::geometry::plies::Runs;
 use crate::cloth::light::absorption::SIGMAS;
 use crate::cloth::light::inter_yarn::PLY_CLASSES;
 use crate::gap::Opening;
-use crate::math::simd::{atan2, exp2_within, ln, max, min, sin_cos_half_turns};
+use crate::math::simd::{atan2, exp2_within, ln, max, min, signed, sin_cos_half_turns};
 use std::f32::consts::{FRAC_1_PI, FRAC_PI_2, LOG2_E, TAU};
 
 /// Azimuths of the viewer over one side of the cloth [degrees], denser towards the plane.
@@ -51,7 +51,7 @@ pub fn angles(runs: Runs, w: [f32; 3]) -> (f32, f32) {
 #[inline(always)]
 fn sin_cos(x: f32) -> (f32, f32) {
     let (sin, cos, sign) = sin_cos_half_turns::<false>(FRAC_1_PI * x);
-    (f32::from_bits(sin.to_bits() ^ sign), f32::from_bits(cos.to_bits() ^ sign))
+    (signed(sin, sign), signed(cos, sign))
 }
 
 /// The inverse of [`angles`].
