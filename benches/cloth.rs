@@ -6,9 +6,9 @@
 //! `cargo bench -p plywave --bench cloth`. Beside each name is the share of lines that meet no ply. Lines
 //! that begin with "memory" show bytes, and the times of making a cloth and of making it ready for shading.
 
-use criterion::{Criterion, criterion_group, criterion_main};
+use criterion::{BatchSize, Criterion, criterion_group, criterion_main};
 use plywave::Document;
-use plywave::cloth::{ClothData, ClothModel, ClothOptions, LineHits, UvMap};
+use plywave::cloth::{ClothBsdf, ClothData, ClothModel, ClothOptions, LineHits, UvMap};
 use plywave::{Bsdf, ClothQuery, PlyModel};
 use plywave_sim::cloth::{Effort, make_cloth, precompute};
 use plywave_textile::ClothSpec;
@@ -120,6 +120,14 @@ fn cloth(c: &mut Criterion) {
                 let at = at(i);
                 black_box((at.eval_pdf(queries[i].2), at.sample(queries[i].3)))
             })
+        });
+        group.bench_function("16 directions with pdf at a place", |b| {
+            let lights = |at: &mut ClothBsdf<'_, 4>| {
+                for query in &queries[..16] {
+                    black_box(at.eval_pdf(query.2));
+                }
+            };
+            b.iter_batched_ref(|| at(next()), lights, BatchSize::SmallInput)
         });
         group.finish();
     }

@@ -15,7 +15,8 @@ use plywave::math::simd::{fma, max, min};
 pub const CAPSULES: usize = 8;
 /// Largest 8-bit coordinate.
 pub const STEPS: f32 = 255.0;
-/// The bit of each of eight lanes; a table, since shifts by other amounts would not be one instruction for all.
+/// The bit of each of eight lanes. It is a table, since shifts by other amounts are not one instruction for
+/// all lanes.
 pub const BITS: [u32; 8] = [1, 2, 4, 8, 16, 32, 64, 128];
 /// Margin for rounding, relative to the largest coordinate: it covers the chord's ends, the ray's origin,
 /// their difference, and its products with the ray's axes.
