@@ -28,7 +28,7 @@ const MAX_BYTES: u64 = 256 << 20;
 const PARTS: u64 = 1000;
 
 /// Version of the precomputation, which increases with each change of it; it is part of the key of the cache.
-const MAKING: u32 = 9;
+const MAKING: u32 = 10;
 
 /// A cloth spec, and the folder of the files that it names.
 #[derive(Clone, Debug, PartialEq)]

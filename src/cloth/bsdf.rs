@@ -462,12 +462,8 @@ impl ClothBsdf<'_, SIGMAS> {
     /// f and energies of the plies of one kind of yarn for light from the directions `lights`, at the nodes
     /// of absorption of the tables of the mean.
     pub fn seen(&self, kind: usize, lights: &[Toward]) -> Seen {
-        let mut view = Seen {
-            f: vec![[0.0; SIGMAS]; lights.len()],
-            first: [[0.0; SIGMAS]; PLY_CLASSES],
-            passing: self.passing,
-            opening: self.opening,
-        };
+        let mut view =
+            Seen { f: vec![[0.0; SIGMAS]; lights.len()], first: [[0.0; SIGMAS]; PLY_CLASSES], opening: self.opening };
         let mut scatters = |class: usize, arrives: f32, energy: &[f32; SIGMAS]| {
             (0..SIGMAS).for_each(|k| view.first[class % CLASSES_A_KIND][k] += arrives * energy[k]);
         };

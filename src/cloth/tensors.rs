@@ -51,7 +51,7 @@
 //! | `far_f` | `[kinds][330][24][17][8]` | f times the cosine of the light's latitude, by kind and view, azimuth and latitude of the light, absorption |
 //! | `far_chances` | `[kinds][330][2][384]` | cumulative sampling probabilities up to the end of each grid cell, for clear and for dark fibers |
 //! | `far_energy`, `far_first` | `[kinds][330][2][8]`, `[kinds][330][4][8]` | on both sides of the cone, the integral of f divided by the angle from the cone to the axis; and the energies that first plies scatter, by class |
-//! | `far_passing`, `far_apertures` | `[330]`, `[330][10]` | share of the beam that passes all plies; number of apertures that represent those of the cell and, for each of three, the rows of `apertures` of its axes and its rotation, in 256ths of a right angle |
+//! | `far_passing`, `far_apertures` | `[32][32]`, `[330][10]` | share of the beam that passes all plies, at the middles of equal steps of latitude and of azimuth over half a turn; number of apertures that represent those of the cell and, for each of three, the rows of `apertures` of its axes and its rotation, in 256ths of a right angle |
 
 use crate::PlyModel;
 use crate::cloth::ClothModel;
@@ -179,7 +179,7 @@ impl ClothModel {
             f32s("far_chances", &[kinds, far_grid::VIEWS, 2, far_grid::CELLS], chances);
             f32s("far_energy", &[kinds, far_grid::VIEWS, 2, SIGMAS], energy);
             f32s("far_first", &[kinds, far_grid::VIEWS, PLY_CLASSES, SIGMAS], first);
-            f32s("far_passing", &[far_grid::VIEWS], passing);
+            f32s("far_passing", &far_grid::PASSING, passing);
             let openings = far.numbers().1;
             add("far_apertures", &[far_grid::VIEWS, far_grid::OPENING_NUMBERS], Values::U32(openings));
         }

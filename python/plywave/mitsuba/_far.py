@@ -53,7 +53,7 @@ class Far:
         self.f = kit.floats(f)
         self.sums = kit.floats(np.pad(tensors["far_chances"], [(0, 0)] * 3 + [(1, 0)]))
         self.energy, self.first = kit.floats(tensors["far_energy"]), kit.floats(tensors["far_first"])
-        self.passing = kit.floats(tensors["far_passing"])
+        self.passing, self.passing_shape = kit.floats(tensors["far_passing"]), tensors["far_passing"].shape
         self.apertures = kit.words(tensors["far_apertures"])
         # Number of classes of first plies of one kind.
         self.layers = tensors["far_first"].shape[2]
@@ -115,6 +115,22 @@ class Far:
         shares = [(1.0 - s) * (1.0 - t), (1.0 - s) * t, s * (1.0 - t), s * t]
         return [at, at + 1, at + rows, at + rows + 1], shares, theta
 
+    def passing_share(self, wo):
+        """Share of the beam that passes all plies without hairs; a line and its reverse pass alike."""
+        kit, (rows, columns) = self.kit, self.passing_shape
+        theta, phi = self.angles(self.along_y[0], [dr.select(wo[2] < 0.0, -x, x) for x in wo])
+
+        def node(x, count):
+            x = clamp(x * (count / math.pi) - 0.5, 0.0, count - 1.0)
+            low = dr.minimum(kit.uint(x), count - 2)
+            return low, x - kit.float(low)
+
+        (i, s), (j, t) = node(theta + 0.5 * math.pi, rows), node(phi, columns)
+        low, high = (
+            (1.0 - t) * kit.take(self.passing, at) + t * kit.take(self.passing, at + 1) for at in (i * columns + j, (i + 1) * columns + j)
+        )
+        return (1.0 - s) * low + s * high
+
     def row(self, table, at):
         """Values for all absorptions."""
         return self.kit.packets(table, at * self.packets, self.packets)
@@ -157,11 +173,10 @@ class Far:
             at["dark"].append(kit.float(0.0))
             at["energy"].append(kit.zero_s())
         views, shares, _ = at["around"][0]
-        at["passing"] = sum(share * kit.take(self.passing, view) for view, share in zip(views, shares))
-        # The light that non-absorbing plies scatter and the passing light are interpolated about different
-        # axes; normalization makes them sum to the beam.
-        per = 1.0 / dr.maximum(clear + at["passing"], MIN_ENERGY)
-        classes, at["passing"] = [per * e for e in classes], per * at["passing"]
+        at["passing"] = dr.select(clear > MIN_ENERGY, self.passing_share(wo), 1.0)
+        # The light that non-absorbing plies scatter is the rest of the beam.
+        per = (1.0 - at["passing"]) / dr.maximum(clear, MIN_ENERGY)
+        classes = [per * e for e in classes]
         of_hairs = []
         if cloth.hairs is not None:
             at["free"] = cloth.hairs.passes(wo)

@@ -6,6 +6,8 @@ use crate::cloth_model::{FLANNEL, JERSEY, even};
 use plywave::ClothQuery;
 use plywave::bsdf::{Bsdf, BsdfSample};
 use plywave::cloth::{ClothModel, ClothOptions};
+use rand::rngs::SmallRng;
+use rand::{RngExt, SeedableRng};
 use std::f32::consts::TAU;
 
 /// Absorptions [1/um].
@@ -38,9 +40,8 @@ fn integrals(at: &impl Bsdf<3>, side: f32) -> [[f64; 3]; 2] {
 #[test]
 #[ignore = "slow: 28 s: the mean over the cell conserves energy"]
 fn the_mean_over_the_cell_conserves_energy() {
-    // Light that leaves by hairs is that of the layer's own integrals, which nothing scales: 0.9967 along
-    // flannel's normal, 0.988 at a cosine of 0.05.
-    for (name, data, off) in [("jersey", &*JERSEY, 2e-3), ("flannel", &*FLANNEL, 1.5e-2)] {
+    // Light that leaves by hairs is that of the layer's own integrals, which nothing scales.
+    for (name, data, off) in [("jersey", &*JERSEY, 2e-3), ("flannel", &*FLANNEL, 5e-3)] {
         let far = ClothModel::from_data(data.clone(), &ClothOptions { far: true, ..ClothOptions::RAYS }).unwrap();
         let points = ClothModel::from_data(data.clone(), &ClothOptions::RAYS).unwrap();
         for (k, z) in [0.99f32, 0.93, 0.8, 0.6, 0.41, 0.26, 0.12, 0.05].into_iter().enumerate() {
@@ -65,11 +66,6 @@ fn the_mean_over_the_cell_conserves_energy() {
                 assert!((all[0] - 1.0).abs() < off, "{name}, cosine {}: clear fibers send out {}", side * z, all[0]);
                 for k in 0..3 {
                     assert!((all[k] - told[k]).abs() < off, "{name}, cosine {}: {all:?}, told {told:?}", side * z);
-                    // Points under hairs send out 1.04 along flannel at a cosine of 0.12: no measure of the
-                    // mean.
-                    if name == "flannel" && z < 0.2 {
-                        continue;
-                    }
                     for half in 0..2 {
                         let apart = halves[half][k] - sampled[half][k];
                         let limit = if z > 0.5 { 0.02 } else { 0.03 };
@@ -81,17 +77,24 @@ fn the_mean_over_the_cell_conserves_energy() {
     }
 }
 
-/// Reflected and transmitted light of the cloth at points, mean over the cell, without straight light.
+/// Reflected and transmitted light of the cloth at points, mean over the cell and its hairs, without straight
+/// light.
 fn sampled(cloth: &ClothModel, wo: [f32; 3], cell_um: [[f64; 2]; 2]) -> [[f64; 3]; 2] {
     const PLACES: usize = 1 << 14;
+    const DRAWS: usize = 4;
+    // Hairs differ from cell to cell.
+    const CELLS: f64 = 61.0;
+    let mut rng = SmallRng::seed_from_u64(1);
     let mut sums = [[0.0; 3]; 2];
     for k in 0..PLACES {
-        // Even sequences (Roberts 2018).
-        let [a, b, u, v, w] = [0.856_674_88, 0.733_891_86, 0.628_706_72, 0.538_597_26, 0.461_401_6].map(|s| even(k, s));
-        let at = [0, 1].map(|i| (f64::from(a) * cell_um[0][i] + f64::from(b) * cell_um[1][i]) as f32);
-        if let BsdfSample::Scattered(s) = cloth.at(&query(at, wo, 0.0)).sample([u, v, w]) {
-            let half = usize::from(s.w[2] * wo[2] < 0.0);
-            (0..3).for_each(|k| sums[half][k] += f64::from(s.weight[k]) / PLACES as f64);
+        let [a, b] = [0.754_877_666, 0.569_840_291].map(|step| CELLS * f64::from(even(k, step)));
+        let at = [0, 1].map(|i| (a * cell_um[0][i] + b * cell_um[1][i]) as f32);
+        let bsdf = cloth.at(&query(at, wo, 0.0));
+        for _ in 0..DRAWS {
+            if let BsdfSample::Scattered(s) = bsdf.sample(rng.random()) {
+                let half = usize::from(s.w[2] * wo[2] < 0.0);
+                (0..3).for_each(|k| sums[half][k] += f64::from(s.weight[k]) / (PLACES * DRAWS) as f64);
+            }
         }
     }
     sums

@@ -8,7 +8,7 @@ use crate::cloth::color::color_of::{self, Brightness, ColorOf};
 use crate::cloth::geometry::plies::Runs;
 use crate::cloth::light::absorption::SIGMAS;
 use crate::cloth::light::cones::{Cone, NORMS};
-use crate::cloth::light::far_grid::{COLUMNS, FarData, NODES, OPENING_NUMBERS, VIEWS};
+use crate::cloth::light::far_grid::{COLUMNS, FarData, NODES, OPENING_NUMBERS, PASSING, VIEWS};
 use crate::cloth::light::hair_field::{HAIR_TEXELS, HairField};
 use crate::cloth::light::hair_layer::{HAIR_AZIMUTHS, HAIR_COSINES, HairLayer};
 use crate::cloth::light::inter_yarn::{CLASSES, InterYarn, PAIRS, PLY_CLASSES, Side};
@@ -255,7 +255,7 @@ impl Document for ClothData {
             w.f16("far_f", &[kinds, VIEWS, COLUMNS, NODES, SIGMAS], far.f.as_flattened().iter().copied());
             let first = far.first.as_flattened().as_flattened().iter().copied();
             w.f32("far_first", &[kinds, VIEWS, PLY_CLASSES, SIGMAS], first);
-            w.f32("far_passing", &[VIEWS], far.passing.iter().copied());
+            w.f32("far_passing", &PASSING, far.passing.iter().copied());
             let openings = FarData::opening_numbers(&far.openings).into_iter().map(|n| n as f32);
             w.f32("far_openings", &[VIEWS, OPENING_NUMBERS], openings);
         }
@@ -338,7 +338,7 @@ impl Document for ClothData {
             let kinds = models.len();
             let f = rows(r.f16("far_f", &[kinds, VIEWS, COLUMNS, NODES, SIGMAS])?);
             let first = rows::<SIGMAS>(r.f32("far_first", &[kinds, VIEWS, PLY_CLASSES, SIGMAS])?);
-            let passing = r.f32("far_passing", &[VIEWS])?;
+            let passing = r.f32("far_passing", &PASSING)?;
             let numbers: Vec<u32> =
                 r.f32("far_openings", &[VIEWS, OPENING_NUMBERS])?.into_iter().map(|n| n as u32).collect();
             let openings = FarData::openings_of(&numbers).ok_or_else(|| {

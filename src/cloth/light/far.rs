@@ -98,9 +98,9 @@ struct Plies {
 pub(crate) struct Far {
     kinds: [Plies; 2],
     runs: [Runs; 2],
-    /// `[view about the yarns of the first kind]`: share of the beam that passes all plies, and its
-    /// apertures.
+    /// `[node of passing_nodes]`: share of the beam that passes all plies.
     passing: Vec<f32>,
+    /// `[view about the yarns of the first kind]`: its apertures.
     openings: Vec<Openings>,
 }
 
@@ -189,8 +189,8 @@ impl Far {
     /// light of the plies, the share of the beam that passes all plies, and its apertures. Until
     /// [`PliesAt::conserve`] is called, f has the energies of the table, after the hairs.
     ///
-    /// The energy that clear plies of both kinds scatter and the light that passes are interpolated between
-    /// views about different axes. Together they must be the energy of the beam, 1, and are scaled to it.
+    /// The light that passes has a finer table than the energies that plies scatter. Those of clear plies
+    /// are scaled to the remaining energy of the beam.
     #[inline(always)]
     pub(crate) fn at<const N: usize>(&self, wo: [f32; 3], dyes: [&Mixed<N>; 2]) -> (PliesAt<'_, N>, f32, &Openings) {
         let sigma = [dyes[0].weights, dyes[1].weights];
@@ -239,16 +239,17 @@ impl Far {
             };
         }
         let (views, shares, _) = around[0];
-        let mut passing = 0.0;
-        for v in 0..4 {
-            passing += shares[v] * self.passing[views[v]];
+        let mut passing = 1.0;
+        if clear > MIN_ENERGY {
+            let (nodes, weights) = passing_nodes(self.runs[0], wo);
+            passing = (0..4).map(|k| weights[k] * self.passing[nodes[k]]).sum();
         }
-        let per = 1.0 / (clear + passing).max(MIN_ENERGY);
+        let per = (1.0 - passing) / clear.max(MIN_ENERGY);
         for energy in at.first.as_flattened_mut() {
             *energy *= per;
         }
         let nearest = (0..4).max_by(|a, b| shares[*a].total_cmp(&shares[*b])).map_or(0, |i| views[i]);
-        (at, per * passing, &self.openings[nearest])
+        (at, passing, &self.openings[nearest])
     }
 }
 
@@ -521,6 +522,20 @@ mod tests {
                 assert!((t - theta).abs() < 1e-3 && (p - phi).abs() < 1e-4, "{kind:?} {theta} {phi}: {t} {p}");
                 let theta_o = 1.55 * (0.13 * k as f32).sin();
                 assert!((theta_of(theta, q_of(theta, theta_o)) - theta_o).abs() < 1e-4, "{theta} {theta_o}");
+            }
+        }
+    }
+
+    #[test]
+    fn passing_light_is_found_at_its_nodes_from_both_sides() {
+        for kind in [Runs::AlongY, Runs::AlongX] {
+            for number in 0..PASSING[0] * PASSING[1] {
+                let w = passing_direction(kind, number);
+                for w in [w, w.map(|x| -x)] {
+                    let (nodes, shares) = passing_nodes(kind, w);
+                    let share: f32 = nodes.iter().zip(shares).filter(|(v, _)| **v == number).map(|(_, s)| s).sum();
+                    assert!(share > 0.99, "{kind:?} node {number}: {nodes:?} {shares:?}");
+                }
             }
         }
     }

@@ -10,7 +10,7 @@ use crate::cloth::light::absorption::SIGMAS;
 use crate::cloth::light::inter_yarn::PLY_CLASSES;
 use crate::gap::Opening;
 use crate::math::simd::{atan2, exp2_within, ln, max, min, signed, sin_cos_half_turns};
-use std::f32::consts::{FRAC_1_PI, FRAC_PI_2, LOG2_E, TAU};
+use std::f32::consts::{FRAC_1_PI, FRAC_PI_2, LOG2_E, PI, TAU};
 
 /// Azimuths of the viewer over one side of the cloth [degrees], denser towards the plane.
 pub(crate) const PHI_I_DEG: [f32; 15] =
@@ -29,6 +29,9 @@ pub(crate) const MIN_COSINE: f32 = 0.02;
 /// Number of nodes of the light's latitude.
 pub const NODES: usize = 2 * STEPS + 1;
 pub(crate) const CELLS: usize = COLUMNS * (NODES - 1);
+/// Numbers of latitudes and azimuths over half a turn at which the light that passes all plies is tabulated:
+/// the middles of equal steps. A line and its reverse pass alike.
+pub const PASSING: [usize; 2] = [32, 32];
 /// Number of apertures that represent all apertures of the cell.
 pub const APERTURES: usize = 3;
 /// Apertures of a view; the entries that are present come first.
@@ -111,14 +114,37 @@ pub fn view(runs: Runs, view: usize) -> [f32; 3] {
     direction(runs, THETA_I_DEG[row].to_radians(), if azimuth < SIDE { phi } else { -phi })
 }
 
+/// Direction at a node of the table of passing light, about the yarns of the first kind.
+pub fn passing_direction(runs: Runs, node: usize) -> [f32; 3] {
+    let [theta, phi] = [0, 1].map(|axis| {
+        let number = if axis == 0 { node / PASSING[1] } else { node % PASSING[1] };
+        PI * (number as f32 + 0.5) / PASSING[axis] as f32
+    });
+    direction(runs, theta - FRAC_PI_2, phi)
+}
+
+/// The four nodes of the table of passing light around a direction about the yarns of the first kind, and
+/// their interpolation weights.
+#[inline(always)]
+pub(crate) fn passing_nodes(runs: Runs, w: [f32; 3]) -> ([usize; 4], [f32; 4]) {
+    let w = if w[2] < 0.0 { [-w[0], -w[1], -w[2]] } else { w };
+    let (theta, phi) = angles(runs, w);
+    let [(i, s), (j, t)] = [(theta + FRAC_PI_2, PASSING[0]), (phi, PASSING[1])].map(|(x, count)| {
+        let x = min(max(x * (count as f32 * FRAC_1_PI) - 0.5, 0.0), (count - 1) as f32);
+        let node = (x as usize).min(count - 2);
+        (node, x - node as f32)
+    });
+    let first = i * PASSING[1] + j;
+    let weights = [(1.0 - s) * (1.0 - t), (1.0 - s) * t, s * (1.0 - t), s * t];
+    ([first, first + 1, first + PASSING[1], first + PASSING[1] + 1], weights)
+}
+
 /// f and energies for one view at one point of the cell.
 pub struct Seen {
     /// `[direction][node of absorption]`: f of the plies of the kind.
     pub f: Vec<[f32; SIGMAS]>,
     /// `[class of the kind][node of absorption]`: energies that its first plies scatter.
     pub first: [[f32; SIGMAS]; PLY_CLASSES],
-    /// Share of the beam that passes all plies.
-    pub passing: f32,
     /// The aperture that the line passes, if the point lies in a gap.
     pub opening: Option<Opening>,
 }
@@ -139,7 +165,7 @@ pub struct FarData {
     pub f: Vec<[f32; SIGMAS]>,
     /// `[kind][view][class of the kind][absorption]`: energies that first plies scatter.
     pub first: Vec<[[f32; SIGMAS]; PLY_CLASSES]>,
-    /// `[view]` about the yarns of the first kind: share of the beam that passes all plies.
+    /// `[latitude][azimuth]` of [`passing_direction`]: share of the beam that passes all plies.
     pub passing: Vec<f32>,
     /// `[view]` about the yarns of the first kind: apertures that this light passes.
     pub openings: Vec<Openings>,

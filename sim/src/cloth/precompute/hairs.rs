@@ -1,9 +1,10 @@
 //! The hairs of a cloth as a scattering layer on its face and its back: its optical depth and its phase
 //! function.
 //!
-//! Hairs are grown on a sample of cells. Their projected area that plies do not occlude gives the optical
-//! depth by the cosine of a direction. Rays traced through single fibers give the phase function by cosines
-//! of view and light, relative azimuth and absorption. `InLayer` follows paths of light through the layer.
+//! Hairs are grown on a sample of cells. Their projected area on a side of the middle plane that plies do
+//! not occlude gives the optical depth by the cosine of a direction. Rays traced through single fibers give
+//! the phase function by cosines of view and light, relative azimuth and absorption. `InLayer` follows paths
+//! of light through the layer.
 
 use super::paths::Escaped;
 use super::{Progress, parts};
@@ -38,8 +39,9 @@ const LYING: f64 = 4.0;
 const FINER: usize = 3;
 /// Number of rays for each kind and view.
 const RAYS: usize = 1 << 18;
-/// Sampled outgoing directions of the first hair, from which its occluded and scattered energies are found.
-const FIRST_SAMPLES: usize = 4;
+/// Parts of the cosine and of the azimuth in each of which an outgoing direction of the first hair is
+/// sampled; its occluded and scattered energies are found from them.
+const FIRST_PARTS: [usize; 2] = [8, 4];
 /// Maximum number of directions drawn until one is accepted.
 const MAX_DRAWN: usize = 1000;
 
@@ -107,6 +109,10 @@ pub(super) fn hair_layer<'a>(
                 let r = (1.0 - z * z).sqrt();
                 let w = [r * cos, r * sin, z];
                 let middle: [f32; 3] = std::array::from_fn(|k| (0.5 * (ends[0][k] + ends[1][k])) as f32);
+                // Pieces beyond the middle plane, seen through gaps, are those of the other side.
+                if middle[2] * z as f32 <= 0.0 {
+                    continue;
+                }
                 plies.lines.hits_while(middle, w.map(|v| v as f32), &mut hits, |hit| plies.passes(hit));
                 let free: f64 = hits.as_slice().iter().map(|hit| f64::from(plies.r_d(hit))).product();
                 let sine = (1.0 - dot(along, w).powi(2)).max(0.0).sqrt();
@@ -141,9 +147,9 @@ pub(super) fn hair_layer<'a>(
 /// not occlude.
 type Stroke = ([f64; 3], [f64; 3], f64, f64);
 
-/// Draws the hairs of a tile of cells that stand free, as they are seen along the normal of the face and of
-/// the back. A hair whose axis is within some radii of a ply below it lies: its shadow is where its light
-/// is.
+/// Draws the hairs of a tile of cells that stand free, as they are seen along the normal: those over the
+/// middle plane from the face, those under it from the back. A hair whose axis is within some radii of a ply
+/// below it lies: its shadow is where its light is.
 pub(super) fn hair_field(
     roots: &HairRoots<'_>,
     curves: &ClothCurves,
@@ -164,15 +170,15 @@ pub(super) fn hair_field(
             for ends in hair.points_um.windows(2) {
                 let step = sub(ends[1], ends[0]);
                 let middle: [f32; 3] = std::array::from_fn(|k| (ends[0][k] + 0.5 * step[k]) as f32);
-                for ((strokes, all), up) in sides.iter_mut().zip([1.0, -1.0]) {
-                    plies.lines.hits_while(middle, [0.0, 0.0, up], &mut hits, |hit| plies.passes(hit));
-                    let seen: f64 = hits.as_slice().iter().map(|hit| f64::from(plies.r_d(hit))).product();
-                    *all += step[0].hypot(step[1]) * seen * hair.radius_um;
-                    plies.lines.hits(middle, [0.0, 0.0, -up], &mut hits);
-                    let below = hits.as_slice().first().map_or(f64::INFINITY, |hit| f64::from(hit.enter_um));
-                    if below >= LYING * hair.radius_um {
-                        strokes.push((ends[0], step, hair.radius_um, seen));
-                    }
+                let (side, up) = if middle[2] < 0.0 { (1, -1.0) } else { (0, 1.0) };
+                let (strokes, all) = &mut sides[side];
+                plies.lines.hits_while(middle, [0.0, 0.0, up], &mut hits, |hit| plies.passes(hit));
+                let seen: f64 = hits.as_slice().iter().map(|hit| f64::from(plies.r_d(hit))).product();
+                *all += step[0].hypot(step[1]) * seen * hair.radius_um;
+                plies.lines.hits(middle, [0.0, 0.0, -up], &mut hits);
+                let below = hits.as_slice().first().map_or(f64::INFINITY, |hit| f64::from(hit.enter_um));
+                if below >= LYING * hair.radius_um {
+                    strokes.push((ends[0], step, hair.radius_um, seen));
                 }
             }
         }
@@ -445,9 +451,12 @@ impl InLayer<'_> {
         path.class = class_of_hairs(kind, is_behind);
         let all = self.hairs.depth(self.side, a[2]).iter().sum::<f32>();
         let hit = -(-all).exp_m1();
-        let per = 4.0 * std::f32::consts::PI / FIRST_SAMPLES as f32;
-        for _ in 0..FIRST_SAMPLES {
-            let w = on_sphere(number);
+        let [rows, columns] = FIRST_PARTS;
+        let per = 4.0 * std::f32::consts::PI / (rows * columns) as f32;
+        for part in 0..rows * columns {
+            let [u, v] = [(part / columns, rows), (part % columns, columns)]
+                .map(|(part, of)| (part as f32 + number()) / of as f32);
+            let w = on_sphere(u, v);
             let p = self.scattered(kind, a, w);
             let is_up = w[2] * a[2] > 0.0;
             let [first, second] = self.hairs.depth(self.side, w[2]);
@@ -476,17 +485,17 @@ impl InLayer<'_> {
         let a = d.map(|v| -v);
         let max = self.hairs.most(kind, a[2]);
         (0..MAX_DRAWN).find_map(|_| {
-            let w = on_sphere(number);
+            let w = on_sphere(number(), number());
             let p = self.scattered(kind, a, w);
             (number() * max < p[0]).then_some((w, p))
         })
     }
 }
 
-/// A uniform random direction on the sphere.
-fn on_sphere(number: &mut dyn FnMut() -> f32) -> [f32; 3] {
-    let z = 2.0 * number() - 1.0;
-    let (sin, cos) = (std::f32::consts::TAU * number()).sin_cos();
+/// A uniform direction on the sphere from two uniform numbers.
+fn on_sphere(u: f32, v: f32) -> [f32; 3] {
+    let z = 2.0 * u - 1.0;
+    let (sin, cos) = (std::f32::consts::TAU * v).sin_cos();
     let r = (1.0 - z * z).max(0.0).sqrt();
     [r * cos, r * sin, z]
 }

@@ -22,9 +22,10 @@ mod shadows;
 mod splines;
 
 use crate::error::SimError;
-use far_views::{far_data, far_view, view_count};
+use far_views::{far_data, far_view, passing, view_count};
 use plywave::cloth::Brightness;
 use plywave::cloth::geometry::ClothPlies;
+use plywave::cloth::light::far_grid::PASSING;
 use plywave::cloth::{ClothCurves, ClothData, ClothModel, ClothOptions, GapLight};
 use plywave::{Error, PlyModel};
 use plywave_textile::ClothSpec;
@@ -108,7 +109,9 @@ pub fn precompute(
         let bare = ClothData { hairs: None, ..data.clone() };
         let cloth = shaded(&bare, &ClothOptions { gaps: GapLight::Diffracted, ..ClothOptions::RAYS })?;
         let views = parts("mean over the cell", view_count(&cloth), progress, |view| far_view(&cloth, view))?;
-        data.far = Some(far_data(&cloth, &views));
+        let rays = shaded(&bare, &ClothOptions::RAYS)?;
+        let passing = parts("passing light", PASSING[0], progress, |latitude| passing(&rays, latitude))?.concat();
+        data.far = Some(far_data(&cloth, &views, passing));
     }
     Ok(data)
 }

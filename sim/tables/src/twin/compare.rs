@@ -66,6 +66,10 @@ const STEPS: [f64; 2] = [0.754_877_666_246_692_8, 0.569_840_290_998_053_3];
 const STEPS_OF_DIRECTIONS: [f64; 2] = [0.856_674_883_854_502_9, 0.733_891_856_627_126];
 const STEPS_OF_REPEATS: [f64; 2] = [0.628_706_721_042_211_5, 0.538_597_257_223_612_7];
 
+/// Number of repeats along each side over which the points lie. Hairs and unevenness differ from one repeat
+/// to the next; the twin has some of its own, which are not those of the model.
+const REPEATS: f64 = 32.0;
+
 /// Compares a view of the twin at all of its absorptions, in their order. The absorptions are those of the
 /// twin; the cloth's own colors are ignored.
 pub fn compare(cloth: &ClothModel, twin: &ClothTwin, view: usize, options: &ComparisonOptions) -> Vec<Comparison> {
@@ -159,7 +163,7 @@ fn mean_of_model(
         // Repeats have their own sequence, since steps over many repeats are not uniform within one.
         let at = [0, 1].map(|k| {
             let even = |steps: [f64; 2]| (0.5 + place as f64 * steps[k]).fract();
-            let repeat = (even(STEPS_OF_REPEATS) * f64::from(twin.repeats[k].max(1))).floor();
+            let repeat = (even(STEPS_OF_REPEATS) * REPEATS).floor();
             (twin.repeat_um[k] * (repeat + even(STEPS))) as f32
         });
         let query = ClothQuery { sigma_per_um: sigma.map(Some), ..ClothQuery::new(at, wo, [0.55; N]) };
