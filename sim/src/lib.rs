@@ -37,8 +37,8 @@ pub use geometry::{FiberSection, Outline, OutlinePoint, PlySection, TriMesh, sha
 pub use options::{SimOptions, TracerKind};
 pub use rays::{
     Azimuthal, FiberSurface, Hit, MAX_INTERACTIONS, Medium, MeshResolution, MeshTracer, PathEnd, RoughConductor,
-    RoughDielectric, Scattered, ScrewTracer, Surfaces, Trace, Tracer, WALL_OFFSET_UM, Walk2d, Wall, fresnel,
-    trace_path, trace_path_among, walk_2d,
+    RoughDielectric, Scattered, Scattering, ScrewTracer, Surfaces, Trace, Tracer, WALL_OFFSET_UM, Walk2d, Wall,
+    fresnel, trace_path, trace_path_among, walk_2d,
 };
 #[cfg(not(target_family = "wasm"))]
 pub use simulate::{SimulateJob, simulate, total_paths};

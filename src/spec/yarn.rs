@@ -126,6 +126,13 @@ pub struct FiberSpec {
     pub dispersion_um2: Option<f64>,
     /// GGX roughness of the fiber's surface; 0 for a smooth one.
     pub alpha_fiber: f64,
+    /// Scattering coefficient of the fiber's material, outside of its core [1/um]: pigment, delustrant or
+    /// crystals in it; 0 for a clear one.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub scattering_per_um: f64,
+    /// Mean cosine of the deflection at a scattering event (Henyey and Greenstein 1941).
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub scattering_g: f64,
 }
 
 fn is_zero(x: &f64) -> bool {

@@ -12,6 +12,8 @@ use std::f64::consts::PI;
 const MAX_FRACTION: f64 = 0.9;
 /// Maximum number of cells of a table, which is 1 GiB in f32.
 const MAX_CELLS: f64 = 2.7e8;
+/// Maximum number of transport lengths across a fiber that scatters; light takes the square of it in steps.
+const MAX_TRANSPORT: f64 = 300.0;
 /// Maximum number of points of a polygon.
 const MAX_POINTS: usize = 2000;
 
@@ -43,6 +45,8 @@ pub const FIBER_KEYS: &[Key] = &[
     optional("metal", KeyKind::Choice(&["gold", "silver", "aluminium", "aluminum", "copper"]), "`eta`"),
     optional("dispersion_um2", KeyKind::Number(0.0, 0.1), "one index"),
     required("alpha_fiber", KeyKind::Number(0.0, 1.0)),
+    optional("scattering_per_um", KeyKind::Number(0.0, 10.0), "0.0"),
+    optional("scattering_g", KeyKind::Number(-0.95, 0.95), "0.0"),
 ];
 const BLEND: &[Key] = &[
     required("share", KeyKind::Number(0.01, 0.99)),
@@ -227,11 +231,13 @@ fn check_plies(file: &str, spec: &YarnSpec, radius_um: f64) -> Result<()> {
 
 fn check_fraction(file: &str, ply: &PlySpec, radii: [f64; 2], fiber_area: f64) -> Result<()> {
     let fraction = f64::from(ply.fibers) * fiber_area / (PI * radii[0] * radii[1]);
-    if fraction <= MAX_FRACTION {
+    // A single fiber can be the whole ply.
+    let most = if ply.fibers == 1 { 1.0 } else { MAX_FRACTION };
+    if fraction <= most {
         return Ok(());
     }
     let scale = (fraction / 0.65).sqrt();
-    let count = format!("{} fibers fill {fraction:.3} of the ply, at most {MAX_FRACTION} can be tried", ply.fibers);
+    let count = format!("{} fibers fill {fraction:.3} of the ply, at most {most} can be tried", ply.fibers);
     Err(match ply.radii_um {
         None => invalid(file, "ply.radius_um", radii[0], format!("{count}; use about {:.1}", scale * radii[0])),
         Some(_) => {
@@ -266,7 +272,17 @@ fn check_fiber(file: &str, path: &str, fiber: &FiberSpec, lambda_um: f64) -> Res
                 };
             }
         }
+        let width_um = 2.0 * (fiber.shape.area_um2() / PI).sqrt();
+        let most = MAX_TRANSPORT / width_um;
+        if fiber.scattering_per_um * (1.0 - fiber.scattering_g) > most {
+            let hint = format!("light would wander without end: use {most:.4} or less times 1 - scattering_g");
+            return refuse("scattering_per_um", format!("{:?}", fiber.scattering_per_um), hint);
+        }
         return Ok(());
+    }
+    if fiber.scattering_per_um > 0.0 {
+        let hint = "no light is in an opaque fiber: leave this out";
+        return refuse("scattering_per_um", format!("{:?}", fiber.scattering_per_um), hint.into());
     }
     if let Some(dispersion) = fiber.dispersion_um2 {
         let hint = "an opaque fiber has its index at all wavelengths, a metal its measured one: leave this out";

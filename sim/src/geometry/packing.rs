@@ -57,6 +57,14 @@ pub(crate) fn pack<R: Rng>(fibers: &mut [FiberSection], spec: &YarnSpec, rng: &m
         fibers.iter().map(|f| f.outer.area() + 0.5 * gap * f.outer.perimeter() + 0.25 * PI * gap * gap).sum();
     let container = PI * (radii[0] + 0.5 * gap) * (radii[1] + 0.5 * gap);
     let mut reached = f64::INFINITY;
+    // A monofilament is the whole ply: its axis is that of the ply.
+    if let [only] = fibers
+        && with_gap / container > HEXAGONAL
+        && extent(&FiberSection { center_um: Vector2::zeros(), ..only.clone() }, radii) <= 1.0
+    {
+        only.center_um = Vector2::zeros();
+        return Ok(());
+    }
     if with_gap / container <= HEXAGONAL {
         let bodies: Vec<Body> = fibers.iter().map(|f| Body::new(&f.outer, gap)).collect();
         let areas = fibers.iter().map(|f| f.outer.area()).collect();

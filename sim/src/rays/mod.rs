@@ -13,6 +13,6 @@ pub use dielectric::{RoughDielectric, Scattered, fresnel};
 pub use mesh_tracer::{MeshResolution, MeshTracer};
 pub use path::{MAX_INTERACTIONS, PathEnd, trace_path, trace_path_among};
 pub use screw::ScrewTracer;
-pub use surface::{FiberSurface, RoughConductor, Surfaces, Wall};
+pub use surface::{FiberSurface, RoughConductor, Scattering, Surfaces, Wall};
 pub use tracer::{Hit, Medium, Trace, Tracer, WALL_OFFSET_UM};
 pub use walk2d::{Azimuthal, Walk2d, walk_2d};

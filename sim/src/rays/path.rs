@@ -2,7 +2,7 @@
 //! (Yu 2025, 4.4).
 
 use crate::rays::dielectric::{RoughDielectric, Scattered};
-use crate::rays::surface::{FiberSurface, Surfaces, Wall};
+use crate::rays::surface::{FiberSurface, Surfaces, Wall, basis};
 use crate::rays::tracer::{Medium, Trace, Tracer, WALL_OFFSET_UM};
 use nalgebra::Vector3;
 use rand::Rng;
@@ -41,6 +41,9 @@ pub enum PathEnd {
 /// Number of wall interactions after which a path is killed. Smooth fibers guide light over many
 /// interactions; paths in rough ones stay far below the limit.
 pub const MAX_INTERACTIONS: u32 = 10_000;
+/// Number of scattering events in fibers after which a path is killed. A fiber 300 transport lengths wide
+/// takes 1e5 of them from wall to wall.
+const MAX_FLIGHTS: u32 = 10_000_000;
 
 /// Traces one path from `pos` [um] outside the ply in unit direction `dir`.
 pub fn trace_path<T: Tracer + ?Sized, R: Rng>(
@@ -115,12 +118,29 @@ pub(crate) fn walk_by<'s, R: Rng>(
     let mut interactions = 0;
     let mut length_um = 0.0f32;
     let mut entered = false;
+    // Length of the flights since the last wall, and their number.
+    let (mut flown_um, mut flights) = (0.0f32, 0u32);
     loop {
         let hit = match trace(pos, dir, medium) {
             Trace::Hit(hit) => hit,
             Trace::Escaped => break,
             Trace::Lost => return PathEnd::Killed,
         };
+        if let Medium::Fiber(fiber) = medium
+            && let Some(scattering) = &surface(fiber).scattering
+        {
+            let flight_um = scattering.flight_um(rng);
+            if flight_um < hit.t_um {
+                flights += 1;
+                if flights > MAX_FLIGHTS {
+                    return PathEnd::Killed;
+                }
+                pos += dir * flight_um;
+                flown_um += flight_um;
+                dir = scattering.deflect(dir, rng);
+                continue;
+            }
+        }
         interactions += 1;
         if interactions > MAX_INTERACTIONS {
             return PathEnd::Killed;
@@ -129,9 +149,10 @@ pub(crate) fn walk_by<'s, R: Rng>(
         let fiber = surface(hit.fiber);
         let mut inside_um = match medium {
             Medium::Air => 0.0,
-            Medium::Fiber(_) => fiber.absorbs * hit.t_um,
+            Medium::Fiber(_) => fiber.absorbs * (flown_um + hit.t_um),
             Medium::Lumen(_) => fiber.core_absorbs * hit.t_um,
         };
+        flown_um = 0.0;
         let n = hit.normal;
         let (t, b) = basis(n);
         // At a corner sharper than the geometry resolves, the normal can face away from a ray that passes the
@@ -177,12 +198,4 @@ pub(crate) fn walk_by<'s, R: Rng>(
     } else {
         PathEnd::Reflected { dir, pos, interactions }
     }
-}
-
-/// Two unit vectors that make a right-handed basis with the unit vector `n` (Duff et al. 2017).
-fn basis(n: Vector3<f32>) -> (Vector3<f32>, Vector3<f32>) {
-    let sign = 1.0f32.copysign(n.z);
-    let a = -1.0 / (sign + n.z);
-    let b = n.x * n.y * a;
-    (Vector3::new(1.0 + sign * n.x * n.x * a, sign * b, -sign * n.x), Vector3::new(b, sign + n.y * n.y * a, -n.y))
 }

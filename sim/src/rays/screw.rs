@@ -482,7 +482,12 @@ fn leave_convex(ray: &TurningRay, wall: &ScrewWall) -> Option<WallHit> {
     let (q, v) = ray.at(0.0);
     // A point on the ray's tangent that is never inside.
     let s = match wall {
-        ScrewWall::Circle { center, .. } => -2.0 * (q - center).dot(&v) / v.norm_squared().max(1e-12),
+        ScrewWall::Circle { center, radius } => {
+            let (from, a) = (q - center, v.norm_squared().max(1e-12));
+            let (b, depth) = (from.dot(&v), radius * radius - from.norm_squared());
+            // Near the wall, where a ray starts that does not scatter, a root is spared.
+            if depth < 0.05 * radius { -2.0 * b / a } else { ((b * b + a * depth).sqrt() - b) / a }
+        }
         ScrewWall::Grid(grid) if grid.convex => grid.leave(q, v),
         ScrewWall::Grid(_) => return None,
     };

@@ -4,7 +4,7 @@
 //! al. 2016, the conductor). The walk loses no energy: the absorption at the facets is recorded as a length,
 //! [`Reflections`], which weights the path for every absorption afterwards, like its length in a dielectric.
 
-use crate::rays::dielectric::{MAX_ORDER, RoughDielectric, Scattered};
+use crate::rays::dielectric::{MAX_ORDER, RoughDielectric, Scattered, sin_cos_turn};
 use nalgebra::Vector3;
 use plywave::optics::Reflections;
 use plywave::spec::{FiberSpec, YarnSpec};
@@ -122,6 +122,49 @@ impl Wall {
     }
 }
 
+/// Scattering in a fiber's material: pigment, delustrant or crystals. Free flights are exponential, and
+/// deflections those of Henyey and Greenstein ("Diffuse radiation in the galaxy", Astrophysical Journal 93,
+/// 1941). No event absorbs; the length of the flights counts for the absorption like that of a clear fiber.
+#[derive(Clone, Copy, Debug)]
+pub struct Scattering {
+    /// Events per length [1/um].
+    pub per_um: f32,
+    /// Mean cosine of the deflection, in (-1, 1).
+    pub g: f32,
+}
+
+impl Scattering {
+    /// A length to the next event [um].
+    #[inline(always)]
+    pub(crate) fn flight_um<R: Rng>(&self, rng: &mut R) -> f32 {
+        -(1.0 - rng.random::<f32>()).ln() / self.per_um
+    }
+
+    /// A direction after an event.
+    pub(crate) fn deflect<R: Rng>(&self, dir: Vector3<f32>, rng: &mut R) -> Vector3<f32> {
+        let [u, turn]: [f32; 2] = rng.random();
+        let g = self.g;
+        let cos = if g.abs() < 1e-3 {
+            1.0 - 2.0 * u
+        } else {
+            let ratio = (1.0 - g * g) / (1.0 - g + 2.0 * g * u);
+            ((1.0 + g * g - ratio * ratio) / (2.0 * g)).clamp(-1.0, 1.0)
+        };
+        let across = (1.0 - cos * cos).max(0.0).sqrt();
+        let (sin_phi, cos_phi) = sin_cos_turn(turn);
+        let (t, b) = basis(dir);
+        (t * (across * cos_phi) + b * (across * sin_phi) + dir * cos).normalize()
+    }
+}
+
+/// Two unit vectors that make a right-handed basis with the unit vector `n` (Duff et al. 2017).
+pub(crate) fn basis(n: Vector3<f32>) -> (Vector3<f32>, Vector3<f32>) {
+    let sign = 1.0f32.copysign(n.z);
+    let a = -1.0 / (sign + n.z);
+    let b = n.x * n.y * a;
+    (Vector3::new(1.0 + sign * n.x * n.x * a, sign * b, -sign * n.x), Vector3::new(b, sign + n.y * n.y * a, -n.y))
+}
+
 /// Optical surface of one kind of fibers.
 #[derive(Clone, Debug)]
 pub struct FiberSurface {
@@ -134,12 +177,15 @@ pub struct FiberSurface {
     pub absorbs: f32,
     /// Absorbing length per length in the core.
     pub core_absorbs: f32,
+    /// Scattering in the material, outside of the core; `None` for a clear one.
+    pub scattering: Option<Scattering>,
 }
 
 impl FiberSurface {
     /// A dielectric whose core, if it has one, is air.
     pub fn dielectric(wall: RoughDielectric) -> FiberSurface {
-        FiberSurface { outer: Wall::Dielectric(wall), inner: Wall::Dielectric(wall), absorbs: 1.0, core_absorbs: 0.0 }
+        let [outer, inner] = [Wall::Dielectric(wall), Wall::Dielectric(wall)];
+        FiberSurface { outer, inner, absorbs: 1.0, core_absorbs: 0.0, scattering: None }
     }
 
     /// Surface of a spec's fiber at a wavelength [um]. Its absorption is `dye` times that of the ply's first
@@ -153,7 +199,14 @@ impl FiberSurface {
             Some(reflections) => Wall::Opaque(RoughConductor { alpha, reflections }),
             None => wall(eta),
         };
-        FiberSurface { outer, inner: wall(eta / core_eta), absorbs: dye as f32, core_absorbs: (dye * core_dye) as f32 }
+        let (per_um, g) = (fiber.scattering_per_um as f32, fiber.scattering_g as f32);
+        FiberSurface {
+            outer,
+            inner: wall(eta / core_eta),
+            absorbs: dye as f32,
+            core_absorbs: (dye * core_dye) as f32,
+            scattering: (per_um > 0.0).then_some(Scattering { per_um, g }),
+        }
     }
 }
 

@@ -6,6 +6,7 @@ mod cloth_gaps;
 mod cloth_model;
 mod mesh;
 mod packing;
+mod scattering;
 mod shapes;
 mod tracers;
 mod twin;

@@ -112,3 +112,18 @@ impl From<WaveError> for plywave_runs::RunError {
         plywave_runs::RunError::of_job(error)
     }
 }
+
+impl WaveError {
+    /// Refuses a fiber that scatters within, which the solvers' even bodies cannot have.
+    pub(crate) fn if_scatters(fiber: &plywave::spec::FiberSpec) -> Result<(), WaveError> {
+        if fiber.scattering_per_um == 0.0 {
+            return Ok(());
+        }
+        let hint = "waves pass through even fibers alone: leave this out, or trace rays".into();
+        Err(WaveError::Invalid {
+            key: "fiber.scattering_per_um".into(),
+            value: fiber.scattering_per_um.to_string(),
+            hint,
+        })
+    }
+}

@@ -284,6 +284,7 @@ impl<'a> CompareJob<'a> {
         let kinds = [
             (spec.blend.is_some(), "a blend"),
             (spec.fiber.is_opaque(), "an opaque fiber"),
+            (spec.fiber.scattering_per_um > 0.0, "a fiber that scatters within"),
             (spec.fiber.shape.core() != [1.0, 0.0], "a filled core"),
         ];
         if let Some((_, what)) = kinds.into_iter().find(|kind| kind.0) {

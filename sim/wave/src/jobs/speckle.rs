@@ -141,6 +141,7 @@ impl SpeckleJob {
         if options.instances == 0 {
             return Err(SimError::Option { name: "instances", value: 0, allowed: "1 or more" }.into());
         }
+        spec.fibers().try_for_each(WaveError::if_scatters)?;
         for &lambda_um in &options.lambda_um {
             options.source(Polarization::Tm).plane_waves(&options.wave(lambda_um), 0.0)?;
         }

@@ -98,6 +98,7 @@ impl SingleFiber {
             let hint = "an opaque fiber has its own absorption; leave this out".into();
             return Err(WaveError::Invalid { key: "sigma".into(), value: sigma_per_um.to_string(), hint }.into());
         }
+        WaveError::if_scatters(&spec.fiber)?;
         Ok(SingleFiber::of_spec(&spec.fiber, Absorption::Sigma(sigma_per_um)))
     }
 
