@@ -27,6 +27,8 @@ pub struct Fiber {
     pub packing: f64,
     /// Twist factor of the tex system that singles of this fiber usually have; 0 for filaments.
     pub alpha_tex: f64,
+    /// Whether a yarn of this fiber is one thick fiber, if neither names nor counts have a size.
+    pub is_monofilament: bool,
 }
 
 /// An entry of the table of fibers.
@@ -42,6 +44,9 @@ struct Known {
     is_staple: bool,
     packing: f64,
     alpha_tex: f64,
+    /// Scattering in the material [1/um].
+    scattering: f64,
+    is_monofilament: bool,
 }
 
 const COTTON: Known = Known {
@@ -60,6 +65,8 @@ const COTTON: Known = Known {
     packing: 0.598,
     // English factor 4.
     alpha_tex: 3827.0,
+    scattering: 0.0,
+    is_monofilament: false,
 };
 
 const FILAMENT: Known = Known {
@@ -75,7 +82,13 @@ const FILAMENT: Known = Known {
     // Chosen: drawn filaments side by side.
     packing: 0.65,
     alpha_tex: 0.0,
+    scattering: 0.0,
+    is_monofilament: false,
 };
+
+/// A thick fiber that is a yarn by itself.
+const MONOFILAMENT: Known =
+    Known { shape: Shape::Circle { radius_um: 100.0 }, size_jitter: 0.0, is_monofilament: true, ..FILAMENT };
 
 /// A wire of a metal: smooth but for its drawing, of 16 um.
 const WIRE: Known =
@@ -210,6 +223,21 @@ const KNOWN: &[Known] = &[
     },
     // 0.91 g/cm3; 1.49.
     Known { names: &["polypropylene"], size_jitter: 0.03, eta: 1.49, density: 0.91, ..FILAMENT },
+    // High density: 0.95 g/cm3; 1.54 (Polymer Handbook). Crystals make a millimeter of it milky; 1 mm of
+    // transport is chosen.
+    Known { names: &["polyethylene", "hdpe"], eta: 1.54, alpha: 0.1, density: 0.95, scattering: 0.001, ..MONOFILAMENT },
+    // Yarn of shade cloth: 21 % of polyester in 79 % of extruded vinyl, 0.254 or 0.457 mm thick (data sheet of
+    // MechoSystems' ThermoVeil). Vinyl: 1.54, plasticized 1.3 g/cm3 (Polymer Handbook). Here one body, white
+    // by 1 % of rutile; its transport length of 50 um and its roughness are chosen.
+    Known {
+        names: &["pvc coated", "vinyl coated"],
+        shape: Shape::Circle { radius_um: 200.0 },
+        eta: 1.54,
+        alpha: 0.3,
+        density: 1.32,
+        scattering: 0.02,
+        ..MONOFILAMENT
+    },
     // E-glass: 2.6 g/cm3, filaments of 5.3 um.
     Known {
         names: &["glass"],
@@ -243,6 +271,8 @@ impl Known {
             metal: self.metal,
             dispersion_um2: None,
             alpha_fiber: self.alpha,
+            scattering_per_um: self.scattering,
+            scattering_g: 0.0,
         };
         Fiber {
             name: self.names[0].into(),
@@ -251,6 +281,7 @@ impl Known {
             is_staple: self.is_staple,
             packing: self.packing,
             alpha_tex: self.alpha_tex,
+            is_monofilament: self.is_monofilament,
         }
     }
 }

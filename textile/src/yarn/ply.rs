@@ -1,6 +1,7 @@
 //! The ply model of a yarn's strands: its spec, and which models are as good.
 
 use crate::yarn::YarnOfCloth;
+use crate::yarn::resolve::is_monofilament;
 use plywave::Result;
 use plywave::spec::rules::invalid;
 use plywave::spec::{FiberSpec, Packing, PlySpec, YarnSpec};
@@ -25,13 +26,20 @@ impl YarnOfCloth {
             let hint = format!("a strand of {MAX_FIBERS} fibers at most can be simulated; use more bundles, 7 or 19");
             return Err(invalid(file, &format!("{name}.fibers"), self.fibers, hint));
         }
-        let radius_um = (10.0 * self.strand_radius_um()).round() / 10.0;
+        let mut fiber = self.fiber.spec.clone();
+        let mut tenths = 10.0 * self.strand_radius_um();
+        if is_monofilament(self.fibers, &fiber) {
+            // Fibers of one size have no jitter from fiber to fiber, and the ply contains its fiber.
+            fiber.size_jitter = 0.0;
+            tenths = tenths.ceil();
+        }
+        let radius_um = tenths.round() / 10.0;
         let (hand, turns) = self.fiber_twist;
         let is_bundle = self.bundles > 1;
         let what = if is_bundle { "bundle" } else { "single" };
         let spec = YarnSpec {
             name: format!("{} {what} of {}", self.fiber.name, self.count),
-            fiber: self.fiber.spec.clone(),
+            fiber,
             blend: None,
             ply: PlySpec {
                 fibers: self.fibers,

@@ -45,7 +45,7 @@ pub(crate) enum Use {
 
 /// Shares of a strand that 1 to 6 fibers fill at random in every draw of their sizes: near the densest of
 /// equal circles in a circle, and what fibers of other shapes and sizes reach (measured by packing them).
-const FEW_EVEN: [f64; 6] = [0.93, 0.42, 0.58, 0.638, 0.637, 0.62];
+const FEW_EVEN: [f64; 6] = [1.0, 0.42, 0.58, 0.638, 0.637, 0.62];
 const FEW: [f64; 6] = [0.2, 0.33, 0.43, 0.54, 0.54, 0.55];
 /// The same of 7 to 17 round fibers of several sizes, and of other fibers, which nest.
 const SOME: [f64; 2] = [0.54, 0.69];
@@ -54,10 +54,15 @@ const MANY: f64 = 0.78;
 /// Largest relative deviation of the sizes of fibers that count as equal.
 const EVEN: f64 = 0.03;
 
+/// Whether a strand is one round fiber, which fills it.
+pub(crate) fn is_monofilament(fibers: u32, fiber: &FiberSpec) -> bool {
+    fibers == 1 && matches!(fiber.shape, FiberShape::Circle { .. } | FiberShape::HollowCircle { .. })
+}
+
 /// Largest share of a strand's section that so many fibers usually fill, drawn at random.
 fn max_packing(fibers: u32, fiber: &FiberSpec) -> f64 {
     let is_round = matches!(fiber.shape, FiberShape::Circle { .. } | FiberShape::HollowCircle { .. });
-    let is_even = is_round && fiber.size_jitter <= EVEN;
+    let is_even = is_round && (fiber.size_jitter <= EVEN || fibers == 1);
     let few = if is_even { FEW_EVEN } else { FEW };
     match few.get(fibers.saturating_sub(1) as usize) {
         Some(few) => *few,
@@ -179,7 +184,8 @@ impl Reader<'_> {
         let gathered = if bundles > 1 && fiber.is_staple { wide * wide / f64::from(bundles) } else { 1.0 };
         // The number of fibers is whole, and hollow fibers take more room than their material.
         let outlines = f64::from(fibers) * fiber.spec.shape.area_um2() / strand_um2;
-        let packing = (fiber.packing * gathered).min(max_packing(fibers, &fiber.spec) / outlines);
+        let usual = if is_monofilament(fibers, &fiber.spec) { 1.0 } else { fiber.packing * gathered };
+        let packing = usual.min(max_packing(fibers, &fiber.spec) / outlines);
         let of = if bundles > 1 { "bundle" } else { "single" };
         self.derive("packing", format!("{packing:.3}"), format!("{} in a {of}", fiber.name));
         Ok(packing)
@@ -310,19 +316,25 @@ struct Shape {
 /// Reads a yarn whose keys passed their rules; `name` is the name of its table.
 pub(crate) fn resolve(file: &str, name: &str, keys: &Table, used: Use) -> Result<YarnOfCloth> {
     let mut reader = Reader { file, name, keys, derived: Vec::new() };
-    let (fiber, count) = reader.material()?;
+    let (mut fiber, count) = reader.material()?;
     let plies = reader.plies(&count)?;
     let area_um2 = fiber_area_um2(count.single_tex * f64::from(plies), fiber.density_g_per_cm3);
     let bundles = reader.bundles(used, plies, &fiber, area_um2 / fiber.material_um2());
     let strands = f64::from(if bundles > 1 { bundles } else { plies });
     let shape = Shape { strands, bundles, wide: reach(if bundles > 1 { 1 } else { plies }, bundles) };
     let strand_um2 = area_um2 / strands;
-    let fibers = reader.integer("fibers").unwrap_or_else(|| {
+    let is_unsized = count.filaments.is_none() && !has_size(keys.get("fiber"));
+    let fibers = reader.integer("fibers").or((fiber.is_monofilament && is_unsized).then_some(1)).unwrap_or_else(|| {
         let fibers = (strand_um2 / fiber.material_um2()).round().max(1.0);
         let of = format!("{count} of {} of {:.2} dtex", fiber.name, fiber.dtex());
         reader.derive("fibers", format!("{fibers:.0} a strand"), of);
         fibers as u32
     });
+    if fibers == 1 && is_unsized {
+        let dtex = 1e-2 * strand_um2 * fiber.density_g_per_cm3;
+        fiber = fiber.of_dtex(dtex);
+        reader.derive("fiber", format!("one filament of {:.1} dtex", fiber.dtex()), count.to_string());
+    }
     let packing = reader.packing(&fiber, fibers, &count, strand_um2, shape)?;
     if !keys.contains_key("diameter_um") {
         let radius_um = round_radius_um(strand_um2, packing);
