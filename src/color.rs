@@ -11,12 +11,14 @@
 
 mod absorption;
 mod difference;
+mod natural;
 mod tables;
 mod upsample;
 mod written;
 
 pub use absorption::{AlbedoCurve, Clamped, SigmaSpectrum};
 pub use difference::delta_e_2000;
+pub use natural::Undyed;
 pub use upsample::SmoothReflectance;
 #[doc(hidden)]
 pub use written::srgb_of_value;

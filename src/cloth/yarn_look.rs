@@ -1,6 +1,7 @@
 //! What shading needs of the yarns beyond their curves and plies: colors, slits, unevenness.
 
 use crate::Result;
+use crate::color::Undyed;
 use crate::gap::{SLIT_MAX_UM, SLIT_SHARE};
 use crate::io::Check;
 use serde::{Deserialize, Serialize};
@@ -31,6 +32,8 @@ pub enum YarnColor {
     Srgb([f32; 3]),
     /// An absorption coefficient [1/um].
     Sigma(f32),
+    /// The absorption of an undyed natural fiber.
+    Natural(Undyed),
 }
 
 /// Slits between the fibers of a yarn, whose diffraction colors are optional (Yu 2025, 7.3): see
@@ -76,7 +79,7 @@ impl YarnLook {
         let c = Check(file);
         for color in &self.colors {
             match color {
-                YarnColor::Undyed => {}
+                YarnColor::Undyed | YarnColor::Natural(_) => {}
                 YarnColor::Srgb(srgb) => c.range_f32("looks (colors)", srgb, 0.0, 1.0)?,
                 YarnColor::Sigma(sigma) => c.range_f32("looks (sigma)", &[*sigma], 0.0, 10.0)?,
             }

@@ -114,6 +114,32 @@ pub(super) fn layers() -> Outcome<()> {
     Ok(())
 }
 
+/// Prints what absorption a thick pile of undyed cloth has for its K/S (Kubelka and Munk 1931), by cloths of
+/// three fibers.
+pub(super) fn thick() -> Outcome<()> {
+    println!("absorption [1/um] over K/S of a thick pile:");
+    for yarn in [
+        COTTON,
+        "fiber = \"wool\"\ncount = \"Nm 60\"\nbundles = 1",
+        "fiber = \"silk\"\ncount = \"60/40 den\"\nbundles = 1",
+    ] {
+        let sett = if yarn.contains("silk") { 60.0 } else { 26.0 };
+        let made = fibers(&woven("plain", sett, yarn))?;
+        for sigma in [1e-4, 1e-3, 4e-3] {
+            let [r, t] = diffuse(&made, sigma)?;
+            let a = (1.0 + r * r - t * t) / (2.0 * r);
+            let pile = a - (a * a - 1.0).sqrt();
+            let over = (1.0 - pile).powi(2) / (2.0 * pile);
+            let name = yarn.split('"').nth(1).unwrap_or_default();
+            println!(
+                "  {name}, sigma {sigma}: a layer {r:.4} {t:.4}, a pile {pile:.4}, sigma / (K/S) {:.4}",
+                sigma / over
+            );
+        }
+    }
+    Ok(())
+}
+
 /// The cloth and another of it below, half a cell aside.
 fn doubled(one: &TwinCurves) -> Outcome<TwinCurves> {
     let ClothCurves { cell_um, yarns, curves } = one.curves.clone();

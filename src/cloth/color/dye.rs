@@ -79,6 +79,7 @@ impl Dye {
         match color {
             YarnColor::Undyed => Dye::Even(0.0),
             YarnColor::Sigma(sigma) => Dye::Even(sigma),
+            YarnColor::Natural(of) => Dye::of_sigma(SigmaSpectrum::from_fn(|l| of.sigma_per_um(l)), curve),
             YarnColor::Srgb(srgb) => {
                 // RGB channels are taken from the color that the cloth attains under D65, so that colors out
                 // of reach agree in spectral and RGB modes.
@@ -92,7 +93,11 @@ impl Dye {
 
     /// The absorption that represents the color of opaque fibers in a cloth with this brightness curve.
     pub(crate) fn of_metal(reflections: &Reflections, curve: &AlbedoCurve) -> Dye {
-        let sigma = SigmaSpectrum::from_fn(|lambda_um| reflections.sigma_per_um(lambda_um));
+        Dye::of_sigma(SigmaSpectrum::from_fn(|lambda_um| reflections.sigma_per_um(lambda_um)), curve)
+    }
+
+    /// An absorption by wavelength.
+    fn of_sigma(sigma: SigmaSpectrum, curve: &AlbedoCurve) -> Dye {
         let xyz = xyz_of_reflectance(|l| curve.albedo(f64::from(sigma.at(l as f32))));
         let rgb = [linear_srgb_of_xyz(xyz), linear_rec2020_of_xyz(xyz)]
             .map(|rgb| rgb.map(|channel| curve.sigma(channel).0 as f32));

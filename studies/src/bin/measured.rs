@@ -9,8 +9,10 @@
 //! what is straight are predictions. In place of names
 //!
 //! - `trends` prints signs: grazing reflectance, oblique transmittance, layers and weaves;
-//! - `layers` prints two layers of measured fabrics and of a cloth by adding one layer to another.
+//! - `layers` prints two layers of measured fabrics and of a cloth by adding one layer to another;
+//! - `thick` prints the absorption of a fiber for the K/S of a thick pile.
 
+use plywave::color::Undyed;
 use plywave::spec::rules::invalid;
 use plywave_runs::Run;
 use plywave_sim::cloth::{Effort, MadeCloth, make_cloth};
@@ -32,6 +34,8 @@ type Outcome<T> = Result<T, Box<dyn std::error::Error>>;
 
 /// Specs of a hypercube.
 const SPECS: usize = 30;
+/// Specs that must have an answer.
+const LEAST: usize = 8;
 /// Paths of a view, and of each view of the sky.
 const PATHS: u64 = 10_000;
 const SKY_PATHS: u64 = 1500;
@@ -57,6 +61,7 @@ fn main() -> Outcome<()> {
     match names.first().map(String::as_str) {
         Some("trends") => return trends::trends(),
         Some("layers") => return trends::layers(),
+        Some("thick") => return trends::thick(),
         _ => {}
     }
     let file: Table = include_str!("../../measured.toml").parse()?;
@@ -86,7 +91,8 @@ fn main() -> Outcome<()> {
 /// Prints the rows of a cloth; whether all its measured values are inside.
 fn tell(name: &str, cloth: &Table, lights: &[Light]) -> Outcome<bool> {
     let measured = cloth.get("measured").and_then(Value::as_table).ok_or("no measured")?;
-    let mut all = lights.len() >= SPECS / 2;
+    // A range of fewer specs says little.
+    let mut all = lights.len() >= LEAST;
     for (key, of) in [
         ("T", (|l: &Light| l.t) as fn(&Light) -> f64),
         ("T diffuse", |l| l.t - l.straight),
@@ -177,9 +183,9 @@ fn filled(template: &str, draw: &Draw) -> String {
     })
 }
 
-fn woven(spec: &ClothSpec) -> Outcome<MadeCloth> {
+fn woven(spec: &ClothSpec, effort: Effort) -> Outcome<MadeCloth> {
     let mut read = |named: &str| Err(invalid("cloth", "file", named, "measured.toml names no files"));
-    Ok(make_cloth(spec, "cloth", &mut read, Effort::Full, &|_| true)?)
+    Ok(make_cloth(spec, "cloth", &mut read, effort, &|_| true)?)
 }
 
 /// The draw with the sett at which its cloth is as open as it says, if it says so; sets too dense to weave are
@@ -189,13 +195,14 @@ fn with_sett(template: &str, draw: &Draw) -> Outcome<Draw> {
     // The yarns lie alike whatever they scatter.
     draw.entry("scattering".into()).or_insert(Value::Float(0.01));
     let (Some(open), Some(d)) = (number(&draw, "openness"), number(&draw, "diameter_um")) else { return Ok(draw) };
-    let [mut low, mut high] = [0.4, 1.1].map(|cover| cover * 1e4 / d);
-    for _ in 0..14 {
+    let [mut low, mut high] = [0.6, 1.05].map(|cover| cover * 1e4 / d);
+    for _ in 0..8 {
         for key in ["ends", "picks"] {
             draw.insert(key.into(), Value::Float(0.5 * (low + high)));
         }
-        let made =
-            ClothSpec::parse(&filled(template, &draw), "cloth").map_err(Into::into).and_then(|spec| woven(&spec));
+        let made = ClothSpec::parse(&filled(template, &draw), "cloth")
+            .map_err(Into::into)
+            .and_then(|spec| woven(&spec, Effort::Draft));
         match made.is_ok_and(|made| made.measures.openness > open) {
             true => low = 0.5 * (low + high),
             false => high = 0.5 * (low + high),
@@ -204,7 +211,7 @@ fn with_sett(template: &str, draw: &Draw) -> Outcome<Draw> {
     for key in ["ends", "picks"] {
         draw.insert(key.into(), Value::Float(low));
     }
-    let made = woven(&ClothSpec::parse(&filled(template, &draw), "cloth")?)?;
+    let made = woven(&ClothSpec::parse(&filled(template, &draw), "cloth")?, Effort::Draft)?;
     match made.measures.openness < 1.5 * open + 0.003 {
         true => Ok(draw),
         false => Err(format!("no sett is {open:.3} open, the densest {:.3}", made.measures.openness).into()),
@@ -214,7 +221,7 @@ fn with_sett(template: &str, draw: &Draw) -> Outcome<Draw> {
 /// The explicit fibers of a spec.
 fn fibers(spec: &str) -> Outcome<TwinCurves> {
     let spec = ClothSpec::parse(spec, "cloth")?;
-    let made = woven(&spec)?;
+    let made = woven(&spec, Effort::Full)?;
     let yarns = spec.yarns();
     let texts = yarns.iter().enumerate().map(|(kind, yarn)| yarn.ply("cloth", spec.kind_name(kind))?.to_text("cloth"));
     Ok(TwinCurves::new(&spec.name, made.curves, texts.collect::<Result<Vec<_>, _>>()?)?)
@@ -269,7 +276,7 @@ fn predicted(cloth: &Table, draw: &Draw) -> Outcome<Option<Light>> {
     });
     let (made, draw) = match made {
         Ok((Some(made), draw)) => (made, draw),
-        Ok((None, draw)) => return white(template, &draw, measured_r.ok_or("no R")?).map(Some),
+        Ok((None, draw)) => return white(template, &draw, measured_r.ok_or("no R")?),
         Err(error) => {
             eprintln!("{}: {error}", text(cloth, "name")?);
             return Ok(None);
@@ -281,11 +288,18 @@ fn predicted(cloth: &Table, draw: &Draw) -> Outcome<Option<Light>> {
     }
     let sigmas = match number(draw, "y_thick") {
         Some(y) => vec![absorption_over_scattering(y, 1.54) * number(draw, "scattering").unwrap_or(0.0)],
+        None if number(draw, "undyed_um").is_some() => {
+            vec![number(draw, "undyed_um").map_or(0.0, |l| Undyed::Cellulose.sigma_per_um(l))]
+        }
         None if measured_r.is_some() => SIGMAS.to_vec(),
         None => vec![number(draw, "sigma").unwrap_or(0.0)],
     };
     let twin = traced(&made, vec![direction(0.0, 0.0)], &sigmas, PATHS)?;
-    let lights: Vec<Light> = (0..sigmas.len()).map(|k| light(&twin, 0, k)).collect();
+    let mut lights: Vec<Light> = (0..sigmas.len()).map(|k| light(&twin, 0, k)).collect();
+    if let Some(backing) = number(draw, "backing") {
+        // What is behind the cloth returns light.
+        lights.iter_mut().for_each(|l| l.r += l.t * l.t * backing / (1.0 - l.r * backing));
+    }
     let (Some(r), true) = (measured_r, lights.len() > 1) else { return Ok(lights.first().copied()) };
     // R falls with the absorption.
     Ok(lights.windows(2).find(|w| (w[1].r..=w[0].r).contains(&r)).map(|w| {
@@ -295,8 +309,9 @@ fn predicted(cloth: &Table, draw: &Draw) -> Outcome<Option<Light>> {
     }))
 }
 
-/// A white body whose scattering gives the cloth a measured R, and whose absorption that of a thick layer.
-fn white(template: &str, draw: &Draw, r: f64) -> Outcome<Light> {
+/// A white body whose scattering gives the cloth a measured R, and whose absorption that of a thick layer;
+/// `None` if none does.
+fn white(template: &str, draw: &Draw, r: f64) -> Outcome<Option<Light>> {
     let over = absorption_over_scattering(number(draw, "y_thick").ok_or("no y_thick")?, 1.54);
     let of = |scattering: f64, paths: u64| -> Outcome<Light> {
         let mut draw = draw.clone();
@@ -304,15 +319,19 @@ fn white(template: &str, draw: &Draw, r: f64) -> Outcome<Light> {
         let made = fibers(&filled(template, &draw))?;
         Ok(light(&traced(&made, vec![direction(0.0, 0.0)], &[over * scattering], paths)?, 0, 0))
     };
-    let (mut low, mut high) = (5e-3f64, 0.05f64);
+    let (mut low, mut high) = (5e-3f64, 0.08f64);
+    if of(high, PATHS / 4)?.r < r {
+        return Ok(None);
+    }
     for _ in 0..STEPS {
         let middle = (low * high).sqrt();
         if of(middle, PATHS / 4)?.r < r { low = middle } else { high = middle }
     }
-    of((low * high).sqrt(), PATHS)
+    of((low * high).sqrt(), PATHS).map(Some)
 }
 
-/// T of sunlight and of an even sky, 400 to 700 nm. An amber net is black up to its edge and clear above.
+/// T of sunlight and of an even sky over ground that reflects, 400 to 700 nm. An amber net is black up to its
+/// edge and clear above.
 fn sunlit(made: &TwinCurves, draw: &Draw) -> Outcome<Light> {
     let of = |key: &str| number(draw, key);
     let zenith = (90.0 - of("sun_elevation_deg").unwrap_or(90.0)).to_radians();
@@ -325,9 +344,13 @@ fn sunlit(made: &TwinCurves, draw: &Draw) -> Outcome<Light> {
     let direct = traced(made, vec![sun], &sigmas, PATHS)?;
     let diffuse = traced(made, sky, &sigmas, SKY_PATHS)?;
     let share = of("sky").unwrap_or(0.15);
+    let ground = of("ground").unwrap_or(0.0);
     let dark = of("edge_um").map_or(0.0, |edge| (edge - 0.4) / 0.3);
     let mut sum = Light::default();
     for (sigma, weight) in [(0, 1.0 - dark), (1, dark)] {
+        let back = (0..6).map(|view| light(&diffuse, view, sigma).r / 6.0).sum::<f64>();
+        // Light goes to and fro between the ground and the net.
+        let weight = weight / (1.0 - ground * back);
         let mut add = |l: Light, w: f64| {
             sum.r += w * l.r;
             sum.t += w * l.t;

@@ -6,6 +6,7 @@
 
 use crate::words::nearest;
 use plywave::Result;
+use plywave::color::Undyed;
 use plywave::optics::Metal;
 use plywave::spec::rules::{self, Key, KeyKind, Rules, invalid, optional, required};
 use plywave::spec::{FIBER_KEYS, FiberSpec, Shape};
@@ -29,6 +30,8 @@ pub struct Fiber {
     pub alpha_tex: f64,
     /// Whether a yarn of this fiber is one thick fiber, if neither names nor counts have a size.
     pub is_monofilament: bool,
+    /// Absorption without dye; `None` for a clear or opaque fiber.
+    pub undyed: Option<Undyed>,
 }
 
 /// An entry of the table of fibers.
@@ -47,6 +50,7 @@ struct Known {
     /// Scattering in the material [1/um].
     scattering: f64,
     is_monofilament: bool,
+    undyed: Option<Undyed>,
 }
 
 const COTTON: Known = Known {
@@ -67,6 +71,7 @@ const COTTON: Known = Known {
     alpha_tex: 3827.0,
     scattering: 0.0,
     is_monofilament: false,
+    undyed: Some(Undyed::Cellulose),
 };
 
 const FILAMENT: Known = Known {
@@ -84,6 +89,7 @@ const FILAMENT: Known = Known {
     alpha_tex: 0.0,
     scattering: 0.0,
     is_monofilament: false,
+    undyed: None,
 };
 
 /// A thick fiber that is a yarn by itself.
@@ -118,6 +124,7 @@ const KNOWN: &[Known] = &[
         packing: 0.65,
         // Metric factor 85, of worsted singles.
         alpha_tex: 2690.0,
+        undyed: Some(Undyed::Wool),
         ..COTTON
     },
     Known {
@@ -130,6 +137,7 @@ const KNOWN: &[Known] = &[
         density: 1.31,
         packing: 0.6,
         alpha_tex: 2500.0,
+        undyed: Some(Undyed::Wool),
         ..COTTON
     },
     Known {
@@ -142,6 +150,7 @@ const KNOWN: &[Known] = &[
         density: 1.31,
         packing: 0.6,
         alpha_tex: 2500.0,
+        undyed: Some(Undyed::Wool),
         ..COTTON
     },
     Known {
@@ -154,6 +163,7 @@ const KNOWN: &[Known] = &[
         density: 1.31,
         packing: 0.6,
         alpha_tex: 2500.0,
+        undyed: Some(Undyed::Wool),
         ..COTTON
     },
     Known {
@@ -179,6 +189,7 @@ const KNOWN: &[Known] = &[
         eta: 1.556,
         alpha: 0.12,
         density: 1.34,
+        undyed: Some(Undyed::Silk),
         ..FILAMENT
     },
     Known {
@@ -190,6 +201,7 @@ const KNOWN: &[Known] = &[
         eta: 1.526,
         alpha: 0.15,
         density: 1.49,
+        undyed: Some(Undyed::Cellulose),
         ..FILAMENT
     },
     Known {
@@ -202,6 +214,7 @@ const KNOWN: &[Known] = &[
         is_staple: true,
         packing: 0.6,
         alpha_tex: 3500.0,
+        undyed: Some(Undyed::Cellulose),
         ..FILAMENT
     },
     // M&H: 1.725 along, 1.537 across; 1.38 g/cm3. Semi-dull.
@@ -282,6 +295,7 @@ impl Known {
             packing: self.packing,
             alpha_tex: self.alpha_tex,
             is_monofilament: self.is_monofilament,
+            undyed: self.undyed,
         }
     }
 }

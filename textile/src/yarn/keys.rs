@@ -18,7 +18,7 @@ pub(crate) const YARN: &[Key] = &[
     optional("plies", KeyKind::Integer(1, 7), "the count's, 1"),
     optional("ply_twist", KeyKind::Custom(TWIST), "balances the singles"),
     optional("finish", KeyKind::Custom(FINISH), "even, without hairs"),
-    optional("color", KeyKind::Srgb, "clear fibers"),
+    optional("color", KeyKind::Custom(COLOR), "clear fibers"),
     optional("stripes", KeyKind::Custom(STRIPES), "one color"),
     optional("bundles", KeyKind::Integer(1, 19), "7 for close single yarns of a weave"),
     optional("fibers", KeyKind::Integer(1, 200), "by count and fiber"),
@@ -61,6 +61,16 @@ const FINISH: Custom = Custom {
         None => Err(invalid(file, key, value, "use a text in quotes, such as \"combed\"")),
     },
 };
+
+const COLOR: Custom = Custom {
+    expected: "three numbers from 0 to 1, or three whole numbers up to 255, red, green and blue, or \"#rrggbb\" or \"#rgb\", or \"undyed\"",
+    check: |file, key, value| match value.as_str() == Some(UNDYED) || plywave::color::srgb_of_value(value).is_some() {
+        true => Ok(()),
+        false => Err(invalid(file, key, value, format!("expected {}", COLOR.expected))),
+    },
+};
+/// The color of natural fibers without dye.
+pub(crate) const UNDYED: &str = "undyed";
 
 fn of_text<T: std::str::FromStr<Err = String>>(
     file: &str,

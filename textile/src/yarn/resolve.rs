@@ -9,6 +9,7 @@ use crate::yarn::count::{Count, fiber_area_um2, round_radius_um};
 use crate::yarn::fibers::{self, Fiber};
 use crate::yarn::finish::Finish;
 use crate::yarn::hairs::Hairs;
+use crate::yarn::keys::UNDYED;
 use crate::yarn::ply::MAX_FIBERS;
 use crate::yarn::stripe::Stripe;
 use crate::yarn::twist::YarnTwist;
@@ -252,8 +253,12 @@ impl Reader<'_> {
         Ok(())
     }
 
-    fn color(&self) -> Result<YarnColor> {
+    fn color(&self, fiber: &Fiber) -> Result<YarnColor> {
         self.refuse_both("sigma_per_um", "color")?;
+        if self.text("color") == Some(UNDYED) {
+            let hint = format!("{} has no color of its own: leave this out for clear fibers", fiber.name);
+            return fiber.undyed.map(YarnColor::Natural).ok_or_else(|| self.refuse("color", UNDYED, hint));
+        }
         let srgb = self.keys.get("color").and_then(srgb_of_value);
         let srgb = srgb.map(|srgb| YarnColor::Srgb(srgb.map(|v| v as f32)));
         let sigma = || self.number("sigma_per_um").map(|sigma| YarnColor::Sigma(sigma as f32));
@@ -344,6 +349,7 @@ pub(crate) fn resolve(file: &str, name: &str, keys: &Table, used: Use) -> Result
     let [fiber_twist, strand_twist] = reader.twists(&fiber, &count, plies, bundles)?;
     reader.refuse_both("tension", "crimp_percent")?;
     let finish = reader.text("finish").and_then(|text| Finish::parse(text).ok()).unwrap_or_default();
+    let color = reader.color(&fiber)?;
     let yarn = YarnOfCloth {
         model: reader.text("model").map(str::to_string),
         fiber,
@@ -359,7 +365,7 @@ pub(crate) fn resolve(file: &str, name: &str, keys: &Table, used: Use) -> Result
         stiffness: reader.number("stiffness").unwrap_or(0.5),
         cohesion: reader.number("cohesion").unwrap_or(0.02),
         unevenness: reader.unevenness(&finish)?,
-        color: reader.color()?,
+        color,
         stripes: reader.stripes()?,
         slits: reader.slits()?,
         hairs: match keys.get("hairs") {
