@@ -4,14 +4,17 @@
 //! formats describe the same mean over the cell ([`MeanCloth`]), or maps of the same cloth over its repeat.
 
 mod basis;
+mod blender;
 mod gltf;
 mod heat;
+mod lobes;
 mod maps;
 mod material;
 mod matrix;
 mod mean;
 mod openpbr;
 mod outputs;
+mod pictures;
 mod report;
 mod rgl;
 mod tensor_file;
@@ -21,8 +24,9 @@ mod window_xml;
 
 pub use basis::{Basis, KLEMS_RINGS, incident, outgoing};
 pub use heat::Heat;
+pub use lobes::{Engine, Shape};
 pub use maps::{Maps, Point, Texel, rectangle};
-pub use material::{Bound, Fit, Gloss, Material};
+pub use material::{Bound, Fit, Material};
 pub use matrix::{BAND_NAMES, BANDS, Matrix, MatrixBlock, Steps};
 pub use mean::{Bands, BeyondVisible, CONE_RAD, Energies, Estimate, MeanCloth, NODES, Spectrum, lambda_um};
 pub use report::{Report, Row, View};
@@ -50,12 +54,22 @@ pub enum Format {
     Gltf,
     /// A swatch as USD, with MaterialX and a preview surface.
     Usd,
+    /// A Python file that makes a node group for Cycles and a swatch in Blender.
+    Blender,
 }
 
 impl Format {
     /// All formats.
-    pub const ALL: [Format; 7] =
-        [Format::Report, Format::Klems, Format::TensorTree, Format::Rgl, Format::OpenPbr, Format::Gltf, Format::Usd];
+    pub const ALL: [Format; 8] = [
+        Format::Report,
+        Format::Klems,
+        Format::TensorTree,
+        Format::Rgl,
+        Format::OpenPbr,
+        Format::Gltf,
+        Format::Usd,
+        Format::Blender,
+    ];
 
     /// Name of the format on the command line.
     pub fn name(self) -> &'static str {
@@ -67,6 +81,7 @@ impl Format {
             Format::OpenPbr => "openpbr",
             Format::Gltf => "gltf",
             Format::Usd => "usd",
+            Format::Blender => "blender",
         }
     }
 
@@ -84,6 +99,7 @@ impl Format {
             Format::OpenPbr => &["mtlx"],
             Format::Gltf => &["glb"],
             Format::Usd => &["usda"],
+            Format::Blender => &["py"],
         }
     }
 }
@@ -107,7 +123,7 @@ pub struct ExportOptions {
     pub is_spectral: bool,
     /// Number of pixels of textures along the longer side of the repeat.
     pub pixels: usize,
-    /// Length of cloth per unit of a surface's texture coordinates [mm], for MaterialX.
+    /// Length of cloth per unit of a surface's texture coordinates [mm], for MaterialX and Blender.
     pub mm_per_uv: f64,
 }
 
@@ -334,7 +350,7 @@ pub fn export(
             ];
             Ok(Exported { files: vec![(main.into(), rgl.bytes)], notes, facts })
         }
-        Format::OpenPbr | Format::Gltf | Format::Usd => {
+        Format::OpenPbr | Format::Gltf | Format::Usd | Format::Blender => {
             tell(0, 1);
             swatch(&cloth, data, format, (main, &name), options)
         }
@@ -381,54 +397,70 @@ fn swatch(
     (main, name): (&Path, &str),
     options: &ExportOptions,
 ) -> Result<Exported, Error> {
+    let engine = match format {
+        Format::Gltf => Engine::Gltf,
+        Format::Blender => Engine::Cycles,
+        _ => Engine::OpenPbr,
+    };
     let maps = Maps::new(cloth, name, options.pixels)?;
-    let material = Material::fit(cloth, &maps, name)?;
+    let material = Material::fit(engine, data, cloth, &maps, name)?;
     let textures = textures::Textures::new(&maps, &material);
     let fit = &material.fit;
     let percent = |v: f64| format!("{:.1} %", 100.0 * v);
     let mut notes = vec![
         format!(
-            "The material is fitted to the mean BSDF of the cloth. Its error is {} of the reflected light and {} of the transmitted light (relative L2 error over directions).",
-            percent(fit.error[0]),
-            percent(fit.error[1])
+            "The material is fitted to pictures of a sphere and of folds of the cloth, by the formulas of {}. Mean colors of spheres are off by up to {} with light in front, and by up to {} with light behind.",
+            match engine {
+                Engine::OpenPbr => "OpenPBR 1.1.1 in MaterialX 1.39.5",
+                Engine::Gltf => "glTF's extensions in three.js r187",
+                Engine::Cycles => "closures in Cycles 5.0",
+            },
+            percent(fit.mean_color[0]),
+            percent(fit.mean_color[1])
         ),
         format!(
-            "Error by lobe: {} in directions where the glossy lobe is the brightest part of the material, {} where the fuzz is, {} where diffuse light is. These parts hold {}, {} and {} of the reflected light.",
-            percent(fit.by_lobe[0]),
-            percent(fit.by_lobe[1]),
-            percent(fit.by_lobe[2]),
-            percent(fit.shares[0]),
-            percent(fit.shares[1]),
-            percent(fit.shares[2])
-        ),
-        format!(
-            "The opacity is the share of the area that yarns cover, seen along the normal: {} on average. A renderer uses it at every angle, although a cloth is more opaque when it is seen at a slant.",
-            percent(maps.cover())
+            "The opacity is the share of the area that fibers cover, seen along the normal: {} on average. A renderer uses it at every angle, although a cloth is more opaque when it is seen at a slant.",
+            percent(material.presence)
         ),
     ];
+    if format == Format::Gltf && textures.mix > 0.01 {
+        notes.push(format!(
+            "Light through the cloth is in KHR_materials_diffuse_transmission. Programs that do not read it show none, and diffuse light that is {} too bright.",
+            percent(1.0 / (1.0 - textures.mix) - 1.0)
+        ));
+    }
     if textures.cut > 1e-3 {
         notes.push(format!(
-            "Textures hold colors up to 1. Brighter ones are cut off, and with them {} of the diffuse light.",
+            "Textures hold colors up to 1. Brighter ones are cut off, and with them {} of the light.",
             percent(textures.cut)
         ));
     }
     notes.extend(material.at_bounds.iter().map(bound_note));
-    let [warp, weft] = material.gloss;
+    let [warp, weft] = material.shape.widths;
+    let [gloss_warp, gloss_weft] = material.gloss.map(luminance);
     let facts = vec![
         ("largest_total", checked_total(fit.largest_total)?),
+        ("mean_color_off_in_front", fit.mean_color[0]),
+        ("mean_color_off_behind", fit.mean_color[1]),
+        ("streak_place_off_deg", fit.streak_place_rad.to_degrees()),
+        ("streak_width_off", fit.streak_width),
         ("error_reflected", fit.error[0]),
         ("error_transmitted", fit.error[1]),
         ("reflectance_of_the_cloth", fit.energy[0][0]),
         ("reflectance_of_the_material", fit.energy[1][0]),
         ("transmittance_of_the_cloth", fit.energy[0][1]),
         ("transmittance_of_the_material", fit.energy[1][1]),
-        ("warp_roughness", warp.roughness),
-        ("warp_anisotropy", warp.anisotropy),
-        ("weft_roughness", weft.roughness),
-        ("weft_anisotropy", weft.anisotropy),
-        ("f0", warp.f0),
-        ("fuzz_weight", material.fuzz[0]),
-        ("fuzz_roughness", material.fuzz[1]),
+        ("warp_width_across", warp[0]),
+        ("warp_width_along", warp[1]),
+        ("weft_width_across", weft[0]),
+        ("weft_width_along", weft[1]),
+        ("warp_gloss", gloss_warp),
+        ("weft_gloss", gloss_weft),
+        ("ior", material.ior),
+        ("level", material.shape.level),
+        ("fuzz", luminance(material.fuzz)),
+        ("fuzz_roughness", material.shape.fuzz_roughness),
+        ("diffuse", luminance(material.diffuse[0])),
     ];
     let repeats = maps.size_um.map(|um| (SWATCH_UM / um).ceil().clamp(1.0, 1e4) as u32);
     if format == Format::Gltf {
@@ -438,6 +470,13 @@ fn swatch(
     let mut in_file = vec![made_by(format)];
     in_file.extend(notes.iter().cloned());
     let stem = outputs::stem_beside(format, main);
+    if format == Format::Blender {
+        let layout = (repeats, options.mm_per_uv);
+        let made = blender::blender(&data.name, &stem, &maps, &material, &textures, layout, &notes)?;
+        let at = |name: String| if name.is_empty() { main.to_path_buf() } else { main.with_file_name(name) };
+        let files = made.into_iter().map(|(name, bytes)| (at(name), bytes)).collect();
+        return Ok(Exported { files, notes, facts });
+    }
     let made_by = outputs::mark(format);
     let made = openpbr::TextureFiles::new(openpbr::texture_names(&stem), &made_by, &maps, &material, &textures)?;
     // On a USD swatch, texture coordinates count repeats.
@@ -454,6 +493,10 @@ fn swatch(
     }
     files.extend(made.files.into_iter().map(|(name, bytes)| (main.with_file_name(name), bytes)));
     Ok(Exported { files, notes, facts })
+}
+
+fn luminance(c: [f64; 3]) -> f64 {
+    plywave::color::xyz_of_linear_srgb(c)[1]
 }
 
 /// Note on a parameter at a bound of the fit.

@@ -23,6 +23,8 @@ pub enum ExportFormat {
     Gltf,
     /// A swatch as USD (.usda), with MaterialX beside it.
     Usd,
+    /// A node group for Cycles and a swatch, as a Python file for Blender (.py) with textures beside it.
+    Blender,
 }
 
 impl From<ExportFormat> for Format {
@@ -35,6 +37,7 @@ impl From<ExportFormat> for Format {
             ExportFormat::Openpbr => Format::OpenPbr,
             ExportFormat::Gltf => Format::Gltf,
             ExportFormat::Usd => Format::Usd,
+            ExportFormat::Blender => Format::Blender,
         }
     }
 }
@@ -85,7 +88,7 @@ pub struct ExportArgs {
     /// Pixels of textures along the longer side of the repeat, 16 to 4096 [default: 256].
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(16..=4096))]
     pub pixels: Option<u32>,
-    /// Length of cloth per unit of a surface's texture coordinates in MaterialX [mm] [default: 100].
+    /// Length of cloth per unit of a surface's texture coordinates in MaterialX and Blender [mm] [default: 100].
     #[arg(long, value_name = "MM", allow_negative_numbers = true)]
     pub cloth_mm: Option<f64>,
 }

@@ -2,26 +2,22 @@
 //! and normals.
 //!
 //! The axes x and y are those of the cloth, and the face looks along z; lengths are in meters. Texture
-//! coordinates count repeats, with v downwards. The roughness of glTF follows from that of OpenPBR by
-//! `alpha_b = roughness^2` along the yarn and `alpha_t = mix(alpha_b, 1, strength^2)` across it
-//! (KHR_materials_anisotropy). The texture stores the directions of yarns as colors that can be filtered:
-//! across warp is red, across weft green.
+//! coordinates count repeats, with v downwards. The widths of GGX along and across the yarns are
+//! `alpha_b = roughness^2` and `alpha_t = mix(alpha_b, 1, strength^2)` (KHR_materials_anisotropy). All yarns
+//! have one direction: that of a texture would be filtered to a direction between warp and weft.
 
 use super::Format;
 use super::maps::Maps;
-use super::material::{Gloss, Material};
+use super::material::{Material, RELIEF};
 use super::outputs::mark;
-use super::textures::{Textures, by_kind, byte, packed, png_8, png_16};
+use super::textures::{Textures, byte, packed, png_8, png_16};
 use crate::error::Error;
 use plywave::color::srgb_encode;
 use serde_json::{Value, json};
+use std::f64::consts::FRAC_PI_2;
 
-/// Roughness and anisotropy strength of glTF for a lobe.
-fn gltf_gloss(gloss: &Gloss) -> [f64; 2] {
-    let r2 = gloss.roughness * gloss.roughness;
-    let keep = 1.0 - gloss.anisotropy;
-    let across = (r2 * (2.0 / (1.0 + keep * keep)).sqrt()).min(1.0);
-    let along = keep * across;
+/// Roughness and anisotropy strength of glTF for the widths of a lobe.
+fn gltf_gloss([across, along]: [f64; 2]) -> [f64; 2] {
     [along.sqrt(), ((across - along) / (1.0 - along).max(1e-6)).clamp(0.0, 1.0).sqrt()]
 }
 
@@ -38,9 +34,8 @@ pub fn glb(
     notes: &[String],
 ) -> Result<Vec<u8>, Error> {
     let (size, made_by) = (maps.size, &mark(Format::Gltf));
-    let glosses = material.gloss.map(|g| gltf_gloss(&g));
-    let strongest = glosses[0][1].max(glosses[1][1]).max(1e-6);
-    let is_open = maps.cover() < 0.999;
+    let [roughness, strength] = gltf_gloss(material.shape.widths[0]);
+    let is_open = material.presence < 0.999;
     // Transmitted diffuse light has a color of its own; the base color is for both parts.
     let base: Vec<u8> = maps
         .texels
@@ -48,27 +43,17 @@ pub fn glb(
         .zip(&textures.base)
         .flat_map(|(t, c)| {
             let [r, g, b] = c.map(|v| byte(srgb_encode(f64::from(v))));
-            [r, g, b, byte(f64::from(t.cover))]
-        })
-        .collect();
-    let rough: Vec<u8> =
-        maps.texels.iter().flat_map(|t| [255, byte(by_kind(t, [glosses[0][0], glosses[1][0]])), 0]).collect();
-    let across: Vec<u8> = maps
-        .texels
-        .iter()
-        .flat_map(|t| {
-            let [x, y, _] = packed([t.across[0], t.across[1], 0.0]).map(|v| byte(f64::from(v)));
-            [x, y, byte(by_kind(t, [glosses[0][1], glosses[1][1]]) / strongest)]
+            [r, g, b, byte(maps.opacity(t, material.presence))]
         })
         .collect();
     let through: Vec<u8> =
         textures.transmission.iter().flat_map(|c| c.map(|v| byte(srgb_encode(f64::from(v))))).collect();
+    let shiny: Vec<u8> = textures.gloss.iter().flat_map(|c| c.map(|v| byte(srgb_encode(f64::from(v))))).collect();
     let images = [
         png_8(size, 4, &base, made_by)?,
-        png_8(size, 3, &rough, made_by)?,
         png_16(size, 3, maps.texels.iter().flat_map(|t| packed(t.normal)), made_by)?,
-        png_8(size, 3, &across, made_by)?,
         png_8(size, 3, &through, made_by)?,
+        png_8(size, 3, &shiny, made_by)?,
     ];
     // The vertices are four corners about the origin.
     let half = [0, 1].map(|k| 0.5e-6 * maps.size_um[k] as f32 * repeats[k] as f32);
@@ -96,20 +81,24 @@ pub fn glb(
     let index = push(&[0u16, 1, 2, 0, 2, 3].iter().flat_map(|i| i.to_le_bytes()).collect::<Vec<u8>>(), Some(34963));
     let images: Vec<Value> =
         images.iter().map(|png| json!({ "bufferView": push(png, None), "mimeType": "image/png" })).collect();
-    let f0 = material.gloss[0].f0;
+    // Reflectance along the normal is that of the index times the color, which may exceed 1.
+    let f0 = ((material.ior - 1.0) / (material.ior + 1.0)).powi(2);
+    let specular = textures.gloss_scale / (f0 * material.shape.level);
     let texture = |index: usize| json!({ "index": index });
-    let fuzz = material.fuzz_color.map(|c| (c * material.fuzz[0]).clamp(0.0, 1.0));
+    let fuzz = material.fuzz.map(|c| c.clamp(0.0, 1.0));
     let mut extensions = json!({
-        "KHR_materials_ior": { "ior": Material::index(f0).max(1.0) },
-        "KHR_materials_specular": { "specularFactor": 1.0 },
-        "KHR_materials_anisotropy": {
-            "anisotropyStrength": strongest, "anisotropyRotation": 0.0, "anisotropyTexture": texture(3),
+        "KHR_materials_ior": { "ior": material.ior },
+        "KHR_materials_specular": {
+            "specularFactor": material.shape.level, "specularColorFactor": [specular, specular, specular], "specularColorTexture": texture(3),
         },
-        "KHR_materials_sheen": { "sheenColorFactor": fuzz, "sheenRoughnessFactor": material.fuzz[1] },
+        "KHR_materials_anisotropy": {
+            "anisotropyStrength": strength, "anisotropyRotation": if material.axis == 1 { 0.0 } else { FRAC_PI_2 },
+        },
+        "KHR_materials_sheen": { "sheenColorFactor": fuzz, "sheenRoughnessFactor": material.shape.fuzz_roughness },
     });
     if textures.mix > 0.0 {
         extensions["KHR_materials_diffuse_transmission"] = json!({
-            "diffuseTransmissionFactor": textures.mix, "diffuseTransmissionColorTexture": texture(4),
+            "diffuseTransmissionFactor": textures.mix, "diffuseTransmissionColorTexture": texture(2),
         });
     }
     let used: Vec<&String> = extensions.as_object().map(|o| o.keys().collect()).unwrap_or_default();
@@ -138,9 +127,9 @@ pub fn glb(
             "doubleSided": true,
             "alphaMode": if is_open { "BLEND" } else { "OPAQUE" },
             "pbrMetallicRoughness": {
-                "baseColorTexture": texture(0), "metallicRoughnessTexture": texture(1), "metallicFactor": 0.0,
+                "baseColorTexture": texture(0), "roughnessFactor": roughness, "metallicFactor": 0.0,
             },
-            "normalTexture": texture(2),
+            "normalTexture": { "index": 1, "scale": RELIEF },
             "extensions": extensions,
         }],
         "bufferViews": views,

@@ -115,6 +115,11 @@ impl Maps {
         if all > 0.0 { sum / all } else { 0.0 }
     }
 
+    /// Opacity of a pixel, such that its mean is `presence`: plies let a part of the light straight through.
+    pub fn opacity(&self, texel: &Texel, presence: f64) -> f64 {
+        f64::from(texel.cover) * (presence / self.cover().max(1e-9)).min(1.0)
+    }
+
     /// Fraction of the face that plies cover.
     pub fn cover(&self) -> f64 {
         self.texels.iter().map(|t| f64::from(t.cover)).sum::<f64>() / self.texels.len().max(1) as f64

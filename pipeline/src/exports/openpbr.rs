@@ -1,7 +1,7 @@
 //! Writes a cloth as an OpenPBR 1.1 material in MaterialX 1.39, with textures over the repeat.
 
 use super::maps::{Maps, Texel};
-use super::material::Material;
+use super::material::{Material, RELIEF};
 use super::textures::{Textures, by_kind, byte, packed, png_8, png_16, srgb};
 use super::window_xml::escaped;
 use crate::error::Error;
@@ -12,15 +12,15 @@ pub struct TextureFiles {
     /// The files.
     pub files: Vec<(String, Vec<u8>)>,
     /// Names of the files, in the order of [`TEXTURES`].
-    pub names: [String; 7],
+    pub names: [String; 8],
 }
 
 /// Contents of the textures, in the order of their names.
-pub const TEXTURES: [&str; 7] =
-    ["base_color", "transmission_color", "roughness", "anisotropy", "tangent", "normal", "opacity"];
+pub const TEXTURES: [&str; 8] =
+    ["base_color", "transmission_color", "specular_color", "roughness", "anisotropy", "tangent", "normal", "opacity"];
 
 /// Names of the textures beside a main file, in a folder named after its stem.
-pub fn texture_names(stem: &str) -> [String; 7] {
+pub fn texture_names(stem: &str) -> [String; 8] {
     TEXTURES.map(|what| format!("{stem}_maps/{what}.png"))
 }
 
@@ -40,7 +40,7 @@ impl TextureFiles {
     /// # Errors
     /// [`Error::Export`] for a texture that cannot be encoded.
     pub fn new(
-        names: [String; 7],
+        names: [String; 8],
         made_by: &str,
         maps: &Maps,
         material: &Material,
@@ -51,19 +51,23 @@ impl TextureFiles {
         let colors = |of: &[[f32; 3]]| bytes_of(3, of.iter().flat_map(srgb).collect());
         let by = |numbers: [f64; 2]| bytes_of(1, maps.texels.iter().map(|t| byte(by_kind(t, numbers))).collect());
         let across = |t: &Texel| packed([t.across[0], t.across[1], 0.0]).map(|v| byte(f64::from(v)));
-        let [warp, weft] = material.gloss;
+        let [warp, weft] = material.glosses();
         let bytes = [
             colors(&textures.base)?,
             colors(&textures.transmission)?,
-            by([warp.roughness, weft.roughness])?,
-            by([warp.anisotropy, weft.anisotropy])?,
+            colors(&textures.gloss)?,
+            by([warp[0], weft[0]])?,
+            by([warp[1], weft[1]])?,
             bytes_of(3, maps.texels.iter().flat_map(across).collect())?,
             png_16(size, 3, maps.texels.iter().flat_map(|t| packed(t.normal)), made_by)?,
-            bytes_of(1, maps.texels.iter().map(|t| byte(f64::from(t.cover))).collect())?,
+            bytes_of(1, maps.texels.iter().map(|t| byte(maps.opacity(t, material.presence))).collect())?,
         ];
         Ok(TextureFiles { files: names.iter().cloned().zip(bytes).collect(), names })
     }
 }
+
+/// Nodes by which the color of transmission is taken once by graphs that square it.
+const COLOR_ONCE: &str = "    <power name=\"transmission_color_map\" type=\"color3\">\n      <input name=\"in1\" type=\"color3\" nodename=\"transmission_color_image\" />\n      <input name=\"in2\" type=\"float\" interfacename=\"transmission_power\" />\n    </power>\n";
 
 /// The MaterialX document. A unit of the surface's texture coordinates is `mm_per_uv` of the cloth, or one
 /// repeat.
@@ -88,7 +92,8 @@ pub fn mtlx(
         "    <input name=\"uv_scale\" type=\"vector2\" value=\"{:.6}, {:.6}\" doc=\"Repeats of the cloth in a unit of the texture coordinates\" />",
         tiling[0], tiling[1]
     );
-    let kinds = ["color3", "color3", "float", "float", "vector3", "vector3", "float"];
+    out.push_str("    <input name=\"transmission_power\" type=\"float\" value=\"0.5\" doc=\"0.5 for the graph of OpenPBR 1.1.1 in MaterialX 1.39.5, which takes the color of thin-walled subsurface twice; 1 for graphs that take it once, as the specification does\" />\n");
+    let kinds = ["color3", "color3", "color3", "float", "float", "vector3", "vector3", "float"];
     for ((what, kind), file) in TEXTURES.into_iter().zip(kinds).zip(&files.names) {
         let space = if kind == "color3" { " colorspace=\"srgb_texture\"" } else { "" };
         let _ = write!(
@@ -99,12 +104,21 @@ pub fn mtlx(
         if kind == "vector3" {
             let _ = write!(
                 out,
-                "    <normalmap name=\"{what}_map\" type=\"vector3\">\n      <input name=\"in\" type=\"vector3\" nodename=\"{what}_image\" />\n    </normalmap>\n"
+                "    <normalmap name=\"{what}_map\" type=\"vector3\">\n      <input name=\"in\" type=\"vector3\" nodename=\"{what}_image\" />\n{}    </normalmap>\n",
+                if what == "normal" {
+                    format!("      <input name=\"scale\" type=\"float\" value=\"{RELIEF}\" />\n")
+                } else {
+                    String::new()
+                }
             );
+        }
+        if what == "transmission_color" {
+            out.push_str(COLOR_ONCE);
         }
     }
     for (what, kind) in TEXTURES.into_iter().zip(kinds) {
-        let node = if kind == "vector3" { format!("{what}_map") } else { format!("{what}_image") };
+        let made = kind == "vector3" || what == "transmission_color";
+        let node = format!("{what}_{}", if made { "map" } else { "image" });
         let _ = writeln!(out, "    <output name=\"{what}\" type=\"{kind}\" nodename=\"{node}\" />");
     }
     out.push_str("  </nodegraph>\n");
@@ -120,18 +134,21 @@ pub fn mtlx(
     let number = |v: f64| Err(format!("{v:.6}"));
     input("base_weight", "float", number(1.0));
     input("base_color", "color3", Ok("base_color"));
-    input("specular_weight", "float", number(1.0));
+    // The weight scales the reflectance of the fibers' index along the normal.
+    let f0 = ((material.ior - 1.0) / (material.ior + 1.0)).powi(2);
+    input("specular_weight", "float", number(material.shape.level / f0));
+    input("specular_color", "color3", Ok("specular_color"));
     input("specular_roughness", "float", Ok("roughness"));
     input("specular_roughness_anisotropy", "float", Ok("anisotropy"));
-    input("specular_ior", "float", number(Material::index(material.gloss[0].f0)));
+    input("specular_ior", "float", number(material.ior));
     input("subsurface_weight", "float", number(textures.mix));
     input("subsurface_color", "color3", Ok("transmission_color"));
     // In a thin-walled material, all subsurface light is transmitted.
     input("subsurface_scatter_anisotropy", "float", number(1.0));
-    input("fuzz_weight", "float", number(material.fuzz[0]));
-    let [r, g, b] = material.fuzz_color;
+    let (weight, [r, g, b]) = material.weighted_fuzz();
+    input("fuzz_weight", "float", number(weight));
     input("fuzz_color", "color3", Err(format!("{r:.6}, {g:.6}, {b:.6}")));
-    input("fuzz_roughness", "float", number(material.fuzz[1]));
+    input("fuzz_roughness", "float", number(material.shape.fuzz_roughness));
     input("geometry_thin_walled", "boolean", Err("true".into()));
     input("geometry_opacity", "float", Ok("opacity"));
     input("geometry_normal", "vector3", Ok("normal"));

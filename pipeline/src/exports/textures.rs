@@ -1,5 +1,6 @@
 //! A material's textures over the repeat, encoded as PNG.
 
+use super::lobes::Engine;
 use super::maps::{Maps, Texel};
 use super::material::Material;
 use crate::error::Error;
@@ -7,55 +8,93 @@ use plywave::color::srgb_encode;
 
 /// Textures of a cloth: maps, and the numbers that scale them.
 pub struct Textures {
-    /// Base color: the color of the diffusely reflected light divided by 1 - `mix`, linear.
+    /// Color of the diffusely reflected light, for a renderer that gives it 1 - `mix` of the light.
     pub base: Vec<[f32; 3]>,
     /// Color of the diffusely transmitted light divided by `mix`, linear.
     pub transmission: Vec<[f32; 3]>,
-    /// Fraction of the diffuse light that is assigned to transmission, such that neither color exceeds 1.
+    /// Color of the glossy lobe divided by `gloss_scale`, linear.
+    pub gloss: Vec<[f32; 3]>,
+    /// Fraction of the diffuse light that is assigned to transmission: as little as leaves no color above 1.
     pub mix: f64,
-    /// Fraction of the diffuse light that is lost where colors above 1 are clamped.
+    /// Largest color of the glossy lobe.
+    pub gloss_scale: f64,
+    /// Fraction of the light that is lost where colors above 1 are clamped.
     pub cut: f64,
 }
 
 /// Fraction of the pixels whose colors may be clamped.
 const BRIGHT: f64 = 0.02;
+/// Largest share of diffuse light that is assigned to transmission.
+const MAX_MIX: f64 = 0.9;
+/// Number of steps by which light that is cut off is given back.
+const STEPS: usize = 6;
 
 impl Textures {
     /// Textures of a material whose mean over the maps is the fitted material.
     pub fn new(maps: &Maps, material: &Material) -> Textures {
+        let mean = [0, 1].map(|half: usize| [0, 1, 2].map(|c| maps.mean(|t| t.light[half][c]).max(1e-6)));
         let scaled = |half: usize| -> Vec<[f64; 3]> {
-            let mean = [0, 1, 2].map(|c| maps.mean(|t| t.light[half][c]).max(1e-6));
             let of = |t: &Texel| -> [f64; 3] {
                 std::array::from_fn(|c| {
-                    let relative = if t.cover > 0.0 { f64::from(t.light[half][c]) / mean[c] } else { 1.0 };
+                    let relative = if t.cover > 0.0 { f64::from(t.light[half][c]) / mean[half][c] } else { 1.0 };
                     (material.diffuse[half][c] * relative).max(0.0)
                 })
             };
             maps.texels.iter().map(of).collect()
         };
-        let colors = [scaled(0), scaled(1)];
+        // Where a yarn is dark because others shade it, so is its gloss: relative to the mean of its kind.
+        let brightness = |t: &Texel| f64::from(t.light[0].iter().sum::<f32>());
+        let of_kind = [0.0, 1.0].map(|kind| {
+            let share = |t: &Texel| f64::from(t.cover) * (1.0 - (f64::from(t.weft) - kind).abs());
+            let sum = |of: &dyn Fn(&Texel) -> f64| maps.texels.iter().map(|t| share(t) * of(t)).sum::<f64>();
+            (sum(&brightness) / sum(&|_| 1.0).max(1e-9)).max(1e-9)
+        });
+        let shiny = |t: &Texel| -> [f64; 3] {
+            let relative = if t.cover > 0.0 { brightness(t) / by_kind(t, of_kind) } else { 1.0 };
+            std::array::from_fn(|c| relative * by_kind(t, [material.gloss[0][c], material.gloss[1][c]]))
+        };
+        let gloss: Vec<[f64; 3]> = maps.texels.iter().map(shiny).collect();
         // Maximum over all but the brightest pixels.
         let bright = |colors: &[[f64; 3]]| {
             let mut all: Vec<f64> = colors.iter().map(|c| c.iter().copied().fold(0.0, f64::max)).collect();
             all.sort_by(f64::total_cmp);
             all[((1.0 - BRIGHT) * (all.len() - 1) as f64) as usize]
         };
-        let [above, below] = [bright(&colors[0]), bright(&colors[1])];
-        let mix = if below > 1e-4 { (below / (above + below)).clamp(0.01, 0.99) } else { 0.0 };
+        let (base, transmission) = (scaled(0), scaled(1));
+        let below = bright(&transmission);
+        let mix = if below > 1e-4 { below.min(1.0 - bright(&base)).clamp(1e-3, MAX_MIX) } else { 0.0 };
+        let gloss_scale = if material.engine == Engine::OpenPbr { 1.0 } else { bright(&gloss).max(1e-4) };
+        // Closures of Cycles are added: none takes light of another.
+        let left = if material.engine == Engine::Cycles { 1.0 } else { 1.0 - mix };
         let (mut cut, mut all) = (0.0, 0.0);
         let mut over = |colors: &[[f64; 3]], weight: f64| -> Vec<[f32; 3]> {
-            let one = |c: &[f64; 3]| {
-                c.map(|v| {
-                    let v = if weight > 0.0 { v / weight } else { 0.0 };
-                    cut += weight * (v - 1.0).max(0.0);
-                    all += weight * v;
+            let sum = |of: &dyn Fn(f64) -> f64| -> [f64; 3] {
+                let covers = maps.texels.iter().zip(colors).map(|(t, c)| (f64::from(t.cover), c));
+                covers.fold([0.0; 3], |sum, (cover, c)| std::array::from_fn(|k| sum[k] + cover * of(c[k])))
+            };
+            let want = sum(&|v| v);
+            let mut scale = [1.0; 3];
+            // What is clamped in bright pixels is given to the others.
+            for _ in 0..STEPS {
+                let per = weight.max(1e-9);
+                let got: [[f64; 3]; 3] = scale.map(|s| sum(&|v| per * (s * v / per).min(1.0)));
+                scale = std::array::from_fn(|c| scale[c] * (want[c] / got[c][c].max(1e-12)).clamp(1.0, 2.0));
+            }
+            let one = |c: &[f64; 3]| -> [f32; 3] {
+                std::array::from_fn(|k| {
+                    let v = if weight > 0.0 { scale[k] * c[k] / weight } else { 0.0 };
                     v.min(1.0) as f32
                 })
             };
-            colors.iter().map(one).collect()
+            let out: Vec<[f32; 3]> = colors.iter().map(one).collect();
+            for ((t, o), c) in maps.texels.iter().zip(&out).zip(colors) {
+                let cover = f64::from(t.cover);
+                (0..3).for_each(|k| (cut, all) = (cut + cover * (c[k] - weight * f64::from(o[k])), all + cover * c[k]));
+            }
+            out
         };
-        let (base, transmission) = (over(&colors[0], 1.0 - mix), over(&colors[1], mix));
-        Textures { base, transmission, mix, cut: if all > 0.0 { cut / all } else { 0.0 } }
+        let (base, transmission, gloss) = (over(&base, left), over(&transmission, mix), over(&gloss, gloss_scale));
+        Textures { base, transmission, gloss, mix, gloss_scale, cut: if all > 0.0 { cut / all } else { 0.0 } }
     }
 }
 

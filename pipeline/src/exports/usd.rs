@@ -26,7 +26,6 @@ pub fn usda(
 ) -> String {
     let id = identifier(name);
     let half = [0, 1].map(|k| 0.5e-6 * maps.size_um[k] * f64::from(repeats[k]));
-    let f0 = material.gloss[0].f0;
     let mut out = String::from("#usda 1.0\n(\n");
     let _ = write!(
         out,
@@ -43,7 +42,7 @@ pub fn usda(
     let _ = write!(
         out,
         "    def Material \"Cloth\" (\n        variants = {{\n            string shading = \"materialx\"\n        }}\n        prepend variantSets = \"shading\"\n    )\n    {{\n        token outputs:surface.connect = </{id}/Cloth/Preview.outputs:surface>\n\n        def Shader \"Preview\"\n        {{\n            uniform token info:id = \"UsdPreviewSurface\"\n            color3f inputs:diffuseColor.connect = </{id}/Cloth/base_color.outputs:rgb>\n            float inputs:roughness.connect = </{id}/Cloth/roughness.outputs:r>\n            float inputs:opacity.connect = </{id}/Cloth/opacity.outputs:r>\n            normal3f inputs:normal.connect = </{id}/Cloth/normal.outputs:rgb>\n            float inputs:ior = {:.6}\n            float inputs:metallic = 0\n            token outputs:surface\n        }}\n\n        def Shader \"uv\"\n        {{\n            uniform token info:id = \"UsdPrimvarReader_float2\"\n            string inputs:varname = \"st\"\n            float2 outputs:result\n        }}\n",
-        Material::index(f0)
+        material.ior
     );
     let texture = |out: &mut String, what: &str, file: &str, outputs: &str, extra: &str, space: &str| {
         let _ = write!(
@@ -51,7 +50,7 @@ pub fn usda(
             "\n        def Shader \"{what}\"\n        {{\n            uniform token info:id = \"UsdUVTexture\"\n            asset inputs:file = @./{file}@\n            token inputs:sourceColorSpace = \"{space}\"\n            float2 inputs:st.connect = </{id}/Cloth/uv.outputs:result>\n            token inputs:wrapS = \"repeat\"\n            token inputs:wrapT = \"repeat\"\n{extra}            {outputs}\n        }}\n"
         );
     };
-    let [base, _, roughness, _, _, normal, opacity] = &files.names;
+    let [base, _, _, roughness, _, _, normal, opacity] = &files.names;
     // The preview has no fuzz, so the light of the fuzz is added to the diffuse color.
     let brighter = [0, 1, 2].map(|c| {
         let diffuse = material.diffuse[0][c].max(1e-3);

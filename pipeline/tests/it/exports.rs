@@ -256,7 +256,7 @@ fn files_of_another_origin_stay() {
     let count = all.len();
     all.sort();
     all.dedup();
-    assert_eq!((all.len(), count), (4 + 8 + 9, 4 + 8 + 9), "{all:?}");
+    assert_eq!((all.len(), count), (4 + 9 + 10 + 9, 4 + 9 + 10 + 9), "{all:?}");
     // What two formats would both write is refused by the second.
     let options = ExportOptions { squares: 8, samples: 1024, pixels: 16, ..ExportOptions::default() };
     let views = vec![View { tilt_rad: 0.0, azimuth_rad: 0.0, is_face: true }];
@@ -402,7 +402,7 @@ fn materials_are_whole_and_near_the_cloth() {
         assert_eq!((reader.info().width, reader.info().height), (32, 32), "{file}");
         images += 1;
     }
-    assert_eq!(images, 7);
+    assert_eq!(images, 8);
     for node in root.descendants().filter(|n| n.has_attribute("nodename")) {
         let name = node.attribute("nodename").unwrap();
         assert!(root.descendants().any(|n| n.attribute("name") == Some(name)), "{name}");
@@ -422,7 +422,7 @@ fn materials_are_whole_and_near_the_cloth() {
     }
     let mains = [folder.path().join("o.usda")];
     let files = Format::Usd.outputs(&mains);
-    assert!(files.len() == 9 && files.iter().all(|file| file.is_file()), "{files:?}");
+    assert!(files.len() == 10 && files.iter().all(|file| file.is_file()), "{files:?}");
     Format::Usd.check_outputs(&mains).unwrap();
     for file in files {
         assert!(Format::OpenPbr.check_outputs(std::slice::from_ref(&file)).is_err(), "{}", file.display());
