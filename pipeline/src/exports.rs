@@ -12,6 +12,7 @@ mod maps;
 mod material;
 mod matrix;
 mod mean;
+mod mitsuba;
 mod openpbr;
 mod outputs;
 mod pictures;
@@ -56,11 +57,13 @@ pub enum Format {
     Usd,
     /// A Python file that makes a node group for Cycles and a swatch in Blender.
     Blender,
+    /// A material for scenes of Mitsuba 3.
+    Mitsuba,
 }
 
 impl Format {
     /// All formats.
-    pub const ALL: [Format; 8] = [
+    pub const ALL: [Format; 9] = [
         Format::Report,
         Format::Klems,
         Format::TensorTree,
@@ -69,6 +72,7 @@ impl Format {
         Format::Gltf,
         Format::Usd,
         Format::Blender,
+        Format::Mitsuba,
     ];
 
     /// Name of the format on the command line.
@@ -82,6 +86,7 @@ impl Format {
             Format::Gltf => "gltf",
             Format::Usd => "usd",
             Format::Blender => "blender",
+            Format::Mitsuba => "mitsuba",
         }
     }
 
@@ -94,7 +99,7 @@ impl Format {
     pub fn endings(self) -> &'static [&'static str] {
         match self {
             Format::Report => &["md", "html", "json", "csv"],
-            Format::Klems | Format::TensorTree => &["xml"],
+            Format::Klems | Format::TensorTree | Format::Mitsuba => &["xml"],
             Format::Rgl => &["bsdf"],
             Format::OpenPbr => &["mtlx"],
             Format::Gltf => &["glb"],
@@ -123,7 +128,7 @@ pub struct ExportOptions {
     pub is_spectral: bool,
     /// Number of pixels of textures along the longer side of the repeat.
     pub pixels: usize,
-    /// Length of cloth per unit of a surface's texture coordinates [mm], for MaterialX and Blender.
+    /// Length of cloth per unit of a surface's texture coordinates [mm], for MaterialX, Blender and Mitsuba.
     pub mm_per_uv: f64,
 }
 
@@ -350,7 +355,7 @@ pub fn export(
             ];
             Ok(Exported { files: vec![(main.into(), rgl.bytes)], notes, facts })
         }
-        Format::OpenPbr | Format::Gltf | Format::Usd | Format::Blender => {
+        Format::OpenPbr | Format::Gltf | Format::Usd | Format::Blender | Format::Mitsuba => {
             tell(0, 1);
             swatch(&cloth, data, format, (main, &name), options)
         }
@@ -400,6 +405,7 @@ fn swatch(
     let engine = match format {
         Format::Gltf => Engine::Gltf,
         Format::Blender => Engine::Cycles,
+        Format::Mitsuba => Engine::Mitsuba,
         _ => Engine::OpenPbr,
     };
     let maps = Maps::new(cloth, name, options.pixels)?;
@@ -414,6 +420,7 @@ fn swatch(
                 Engine::OpenPbr => "OpenPBR 1.1.1 in MaterialX 1.39.5",
                 Engine::Gltf => "glTF's extensions in three.js r187",
                 Engine::Cycles => "closures in Cycles 5.0",
+                Engine::Mitsuba => "principled and principledthin in Mitsuba 3.9",
             },
             percent(fit.mean_color[0]),
             percent(fit.mean_color[1])
@@ -470,9 +477,12 @@ fn swatch(
     let mut in_file = vec![made_by(format)];
     in_file.extend(notes.iter().cloned());
     let stem = outputs::stem_beside(format, main);
-    if format == Format::Blender {
-        let layout = (repeats, options.mm_per_uv);
-        let made = blender::blender(&data.name, &stem, &maps, &material, &textures, layout, &notes)?;
+    if matches!(format, Format::Blender | Format::Mitsuba) {
+        let (name, mm) = (&data.name, options.mm_per_uv);
+        let made = match format {
+            Format::Blender => blender::blender(name, &stem, &maps, &material, &textures, (repeats, mm), &notes)?,
+            _ => mitsuba::mitsuba(name, &stem, &maps, &material, &textures, mm, &notes)?,
+        };
         let at = |name: String| if name.is_empty() { main.to_path_buf() } else { main.with_file_name(name) };
         let files = made.into_iter().map(|(name, bytes)| (at(name), bytes)).collect();
         return Ok(Exported { files, notes, facts });

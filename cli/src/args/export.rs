@@ -25,6 +25,8 @@ pub enum ExportFormat {
     Usd,
     /// A node group for Cycles and a swatch, as a Python file for Blender (.py) with textures beside it.
     Blender,
+    /// A material for scenes of Mitsuba 3 (.xml), with textures beside it.
+    Mitsuba,
 }
 
 impl From<ExportFormat> for Format {
@@ -38,6 +40,7 @@ impl From<ExportFormat> for Format {
             ExportFormat::Gltf => Format::Gltf,
             ExportFormat::Usd => Format::Usd,
             ExportFormat::Blender => Format::Blender,
+            ExportFormat::Mitsuba => Format::Mitsuba,
         }
     }
 }
@@ -88,7 +91,7 @@ pub struct ExportArgs {
     /// Pixels of textures along the longer side of the repeat, 16 to 4096 [default: 256].
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(16..=4096))]
     pub pixels: Option<u32>,
-    /// Length of cloth per unit of a surface's texture coordinates in MaterialX and Blender [mm] [default: 100].
+    /// Length of cloth per unit of a surface's texture coordinates in MaterialX, Blender and Mitsuba [mm] [default: 100].
     #[arg(long, value_name = "MM", allow_negative_numbers = true)]
     pub cloth_mm: Option<f64>,
 }

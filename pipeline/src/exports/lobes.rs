@@ -4,7 +4,8 @@
 //! Turquin's compensation, over diffuse light, below the fuzz of Zeltner, Burley and Chiang (2022). glTF is as
 //! three.js r187 codes it: an anisotropic GGX lobe, diffuse light below its Fresnel term, the sheen of Estevez
 //! and Kulla (2017) over both. Cycles 5.0 adds closures: a GGX lobe for each kind of yarn, the same fuzz,
-//! diffuse and translucent light. All contain the cosine of the incident light. Left out: light between
+//! diffuse and translucent light. Mitsuba 3.9 blends a metallic `principled`, GGX with a separable masking, with
+//! diffuse light and a `principledthin`, and has no fuzz. All contain the cosine of the incident light. Left out: light between
 //! surfaces.
 
 use super::maps::Point;
@@ -19,6 +20,8 @@ pub enum Engine {
     Gltf,
     /// Closures of Cycles.
     Cycles,
+    /// `principled` and `principledthin` of Mitsuba.
+    Mitsuba,
 }
 
 /// Parameters of the lobes that are not factors.
@@ -28,7 +31,8 @@ pub struct Shape {
     pub widths: [[f64; 2]; 2],
     /// Roughness of the fuzz.
     pub fuzz_roughness: f64,
-    /// Reflectance along the normal of OpenPBR's glossy lobe, or reflectance at grazing light in glTF.
+    /// Reflectance along the normal of OpenPBR's glossy lobe, or the most that the lobe of glTF and Mitsuba
+    /// reflects, which it does at grazing light.
     pub level: f64,
 }
 
@@ -82,6 +86,12 @@ impl Frame {
         Frame { axes: [across, unit(cross(normal, across)), normal], kind: point.kind.min(1) }
     }
 
+    /// The frame of a point, with the direction of all yarns: the warp (`axis` 1) or the weft (0).
+    pub fn aligned(point: &Point, strength: f64, axis: usize) -> Frame {
+        let along = if axis == 1 { [0.0, 1.0, 0.0] } else { [1.0, 0.0, 0.0] };
+        Frame::new(&Point { kind: 0, along, ..*point }, strength, Engine::Mitsuba)
+    }
+
     /// Frame of a flat cloth whose yarns lie along the warp (`axis` 1) or the weft (0).
     pub fn flat(axis: usize) -> Frame {
         let [x, y, z] = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
@@ -133,7 +143,10 @@ fn ggx(engine: Engine, [ax, ay]: [f64; 2], o: [f64; 3], i: [f64; 3]) -> (f64, f6
         };
         0.5 * ((1.0 + slope2 / (w[2] * w[2]).max(1e-9)).sqrt() - 1.0)
     };
-    let g = 1.0 / (1.0 + lambda(o) + lambda(i));
+    let g = match engine {
+        Engine::Mitsuba => 1.0 / ((1.0 + lambda(o)) * (1.0 + lambda(i))),
+        _ => 1.0 / (1.0 + lambda(o) + lambda(i)),
+    };
     (d * g / (4.0 * o[2].max(1e-4)), dot(o, m))
 }
 
@@ -212,15 +225,21 @@ pub fn reflected(
             (share * lobe * (1.0 - edge), rim, base * (1.0 - shape.level * edge), base * (1.0 - edge))
         }
         Engine::Cycles => (share * lobe, 0.0, base, 0.0),
+        Engine::Mitsuba => {
+            let edge = fifth(cosine);
+            (share * lobe * (1.0 - edge), share * shape.level * lobe * edge, base, 0.0)
+        }
     };
     let below = match engine {
         Engine::OpenPbr => fuzz_albedo(engine, o[2], shape.fuzz_roughness),
         Engine::Gltf => fuzz_albedo(engine, o[2].min(i[2]), shape.fuzz_roughness),
-        Engine::Cycles => 0.0,
+        Engine::Cycles | Engine::Mitsuba => 0.0,
     };
     sum.gloss[frame.kind] += gloss;
     sum.rim += rim;
-    sum.fuzz += share * fuzz(engine, o, i, shape.fuzz_roughness);
+    if engine != Engine::Mitsuba {
+        sum.fuzz += share * fuzz(engine, o, i, shape.fuzz_roughness);
+    }
     sum.diffuse += diffuse;
     sum.taken += taken;
     sum.below[frame.kind] += below * gloss;
@@ -266,6 +285,7 @@ pub fn transmitted(
     match engine {
         Engine::OpenPbr => [below * (1.0 - taken_by_gloss(shape, frame.kind, o[2])) * diffuse, 0.0],
         Engine::Gltf => [below * diffuse, 0.0],
+        Engine::Mitsuba => [diffuse, 0.0],
         Engine::Cycles => [diffuse, refracted(index, FORWARD_WIDTH, o, i)],
     }
 }
@@ -280,7 +300,7 @@ mod tests {
         let n = 200;
         let shape = Shape { widths: [[0.5, 0.2]; 2], fuzz_roughness: 0.5, level: 1.0 };
         let frame = Frame { axes: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]], kind: 0 };
-        for engine in [Engine::OpenPbr, Engine::Gltf, Engine::Cycles] {
+        for engine in [Engine::OpenPbr, Engine::Gltf, Engine::Cycles, Engine::Mitsuba] {
             for tilt in [0.0f64, 0.6, 1.2] {
                 let wo = [tilt.sin(), 0.0, tilt.cos()];
                 let mut sum = Parts::default();
@@ -290,7 +310,8 @@ mod tests {
                     let r = (1.0 - z * z).sqrt();
                     reflected(engine, &shape, &frame, wo, [r * cos, r * sin, z], 2.0 * PI / (n * n) as f64, &mut sum);
                 }
-                let (fuzz, gloss) = (fuzz_albedo(engine, wo[2], 0.5), sum.gloss[0] + sum.rim);
+                let has_fuzz = f64::from(u8::from(engine != Engine::Mitsuba));
+                let (fuzz, gloss) = (has_fuzz * fuzz_albedo(engine, wo[2], 0.5), sum.gloss[0] + sum.rim);
                 assert!((sum.fuzz - fuzz).abs() < 0.03, "{engine:?}, {tilt}: {} {fuzz}", sum.fuzz);
                 assert!(gloss < 1.1 && gloss > 0.8, "{engine:?}, {tilt}: {gloss}");
                 assert!(sum.diffuse < 1.005, "{engine:?}, {tilt}: {}", sum.diffuse);

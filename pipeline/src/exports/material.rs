@@ -96,6 +96,8 @@ const STARTS: [[f64; PARAMETERS]; 2] = [[0.4, 0.5, 0.4, 0.5, 0.5, 0.08], [0.8, 0
 const BARRIER: f64 = 3e-3;
 /// Weight of a picture's mean relative to its pixels.
 const MEAN_WEIGHT: f64 = 20.0;
+/// Weight of the pixels of a fold relative to those of a sphere.
+const FOLD_WEIGHT: f64 = 2.0;
 /// Power of the brightness to which differences are relative.
 const EYE: f64 = 1.5;
 /// Pull of the colors of gloss and fuzz towards none, which decides between lobes that look the same.
@@ -140,7 +142,7 @@ fn shape_of(x: &[f64]) -> Shape {
 /// Light of each lobe for a color of 1, and light that has no color, given the colors of an earlier step.
 fn linear(parts: &Parts, colors: &Colors, channel: usize) -> ([f64; COLORS], f64) {
     let weight = (0..3).map(|c| colors[c][2]).fold(0.0, f64::max).min(1.0);
-    let gloss = 0.5 * (colors[channel][0] + colors[channel][1]);
+    let gloss = colors[channel][0].max(colors[channel][1]);
     let below = |value: f64, k: usize| value - weight * parts.below[k];
     let diffuse = (below(parts.diffuse, 3) - gloss * below(parts.taken, 4)).max(0.0);
     let lobes = [below(parts.gloss[0], 0), below(parts.gloss[1], 1), parts.fuzz, diffuse];
@@ -176,6 +178,7 @@ impl Target {
             .iter()
             .map(|p| {
                 let per = 1.0 / p.pixels.len().max(1) as f64;
+                let per = if p.is_fold { FOLD_WEIGHT * per } else { per };
                 let of = |q: &Pixel| per * (level + luminance(q.rgb).max(0.0)).powf(-EYE) * level.powf(EYE - 2.0);
                 p.pixels.iter().map(of).collect()
             })
@@ -246,7 +249,13 @@ impl Target {
             sum += self.mean_weights[k] * off.iter().map(|v| v * v).sum::<f64>();
             count += 3.0;
         }
-        let over = colors.iter().flatten().map(|c| (c - MAX_COLOR).max(0.0).powi(2)).sum::<f64>();
+        let most = |k: usize| match self.engine {
+            Engine::Gltf | Engine::Mitsuba if k < 2 => MAX_COLOR * x[5],
+            Engine::Mitsuba if k == 3 => MAX_COLOR * (1.0 - x[5]),
+            _ => MAX_COLOR,
+        };
+        let beyond = |c: &[f64; COLORS]| (0..COLORS).map(|k| (c[k] - most(k)).max(0.0).powi(2)).sum::<f64>();
+        let over = 10.0 * colors.iter().map(beyond).sum::<f64>();
         let barrier: f64 = (0..PARAMETERS)
             .map(|k| {
                 let at = (x[k] - LOWER[k]) / (UPPER[k] - LOWER[k]);
@@ -380,6 +389,10 @@ impl Material {
         // yarn to yarn has a mean that is that of none. One direction for all yarns is left: the better one.
         let all: Vec<(usize, Vec<Frame>)> = match engine {
             Engine::Gltf => [1, 0].map(|axis| (axis, vec![Frame::flat(axis)])).into(),
+            // Mitsuba has no texture of directions.
+            Engine::Mitsuba => {
+                [1, 0].map(|axis| (axis, maps.points.iter().map(|p| Frame::aligned(p, RELIEF, axis)).collect())).into()
+            }
             _ => vec![(1, maps.points.iter().map(|p| Frame::new(p, RELIEF, engine)).collect())],
         };
         let options = LbfgsbOptions { max_iterations: 40, ftol: 1e-6, ..LbfgsbOptions::default() };
@@ -494,9 +507,6 @@ impl Material {
             let [want, got] = Target::means(picture, of);
             let length = |v: [f64; 3]| dot(v, v).sqrt();
             let largest = length([0, 1, 2].map(|c| got[c] - want[c])) / length(want).max(1e-12);
-            if std::env::var("LKD").is_ok() {
-                eprintln!("{} {} {:?} {:?}", picture.is_fold, picture.is_back, want, got);
-            }
             let side = usize::from(picture.is_back);
             if !picture.is_fold {
                 fit.mean_color[side] = fit.mean_color[side].max(largest);

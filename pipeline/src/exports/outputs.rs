@@ -1,7 +1,7 @@
 //! The files that a format writes, and the marks that distinguish files of an earlier export from all others.
 
 use super::Format;
-use super::{blender, openpbr::texture_names};
+use super::{blender, mitsuba, openpbr::texture_names};
 use crate::error::Error;
 use std::io::Read;
 use std::path::{Path, PathBuf};
@@ -33,16 +33,19 @@ impl Format {
     /// All files that an export with these main files writes.
     pub fn outputs(self, mains: &[PathBuf]) -> Vec<PathBuf> {
         let mut all = mains.to_vec();
-        for main in mains.iter().filter(|_| matches!(self, Format::OpenPbr | Format::Usd | Format::Blender)) {
+        for main in
+            mains.iter().filter(|_| matches!(self, Format::OpenPbr | Format::Usd | Format::Blender | Format::Mitsuba))
+        {
             let stem = stem_beside(self, main);
-            if self == Format::Blender {
-                all.extend(blender::texture_names(&stem).map(|name| main.with_file_name(name)));
-                continue;
-            }
             if self == Format::Usd {
                 all.push(main.with_file_name(format!("{stem}.mtlx")));
             }
-            all.extend(texture_names(&stem).map(|name| main.with_file_name(name)));
+            let names: Vec<String> = match self {
+                Format::Blender => blender::texture_names(&stem).into(),
+                Format::Mitsuba => mitsuba::texture_names(&stem).into(),
+                _ => texture_names(&stem).into(),
+            };
+            all.extend(names.into_iter().map(|name| main.with_file_name(name)));
         }
         all
     }

@@ -61,11 +61,18 @@ impl Textures {
             all[((1.0 - BRIGHT) * (all.len() - 1) as f64) as usize]
         };
         let (base, transmission) = (scaled(0), scaled(1));
-        let below = bright(&transmission);
-        let mix = if below > 1e-4 { below.min(1.0 - bright(&base)).clamp(1e-3, MAX_MIX) } else { 0.0 };
-        let gloss_scale = if material.engine == Engine::OpenPbr { 1.0 } else { bright(&gloss).max(1e-4) };
-        // Closures of Cycles are added: none takes light of another.
-        let left = if material.engine == Engine::Cycles { 1.0 } else { 1.0 - mix };
+        // Of the light that Mitsuba's glossy lobe leaves.
+        let rest = if material.engine == Engine::Mitsuba { 1.0 - material.shape.level } else { 1.0 };
+        let through = bright(&transmission) / rest;
+        let mix = if through > 1e-4 { through.min(1.0 - bright(&base) / rest).clamp(1e-3, MAX_MIX) } else { 0.0 };
+        let level = material.shape.level;
+        // Closures of Cycles are added: none takes light of another. Mitsuba blends them.
+        let (gloss_scale, below, left) = match material.engine {
+            Engine::OpenPbr => (1.0, mix, 1.0 - mix),
+            Engine::Gltf => (bright(&gloss).clamp(1e-4, level), mix, 1.0 - mix),
+            Engine::Cycles => (bright(&gloss).max(1e-4), mix, 1.0),
+            Engine::Mitsuba => (level, mix * (1.0 - level), (1.0 - mix) * (1.0 - level)),
+        };
         let (mut cut, mut all) = (0.0, 0.0);
         let mut over = |colors: &[[f64; 3]], weight: f64| -> Vec<[f32; 3]> {
             let sum = |of: &dyn Fn(f64) -> f64| -> [f64; 3] {
@@ -93,7 +100,7 @@ impl Textures {
             }
             out
         };
-        let (base, transmission, gloss) = (over(&base, left), over(&transmission, mix), over(&gloss, gloss_scale));
+        let (base, transmission, gloss) = (over(&base, left), over(&transmission, below), over(&gloss, gloss_scale));
         Textures { base, transmission, gloss, mix, gloss_scale, cut: if all > 0.0 { cut / all } else { 0.0 } }
     }
 }

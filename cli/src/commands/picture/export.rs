@@ -122,8 +122,10 @@ fn options(args: &ExportArgs, format: Format) -> Outcome<ExportOptions> {
     only("--samples", args.samples.is_some(), &[Format::Report])?;
     only("--squares", args.squares.is_some(), &[Format::TensorTree])?;
     only("--spectral", args.spectral, &[Format::Rgl])?;
-    only("--pixels", args.pixels.is_some(), &[Format::OpenPbr, Format::Gltf, Format::Usd, Format::Blender])?;
-    only("--cloth-mm", args.cloth_mm.is_some(), &[Format::OpenPbr, Format::Blender])?;
+    let scaled = [Format::OpenPbr, Format::Blender, Format::Mitsuba];
+    let materials = [Format::OpenPbr, Format::Gltf, Format::Usd, Format::Blender, Format::Mitsuba];
+    only("--pixels", args.pixels.is_some(), &materials)?;
+    only("--cloth-mm", args.cloth_mm.is_some(), &scaled)?;
     only("--sigma-uv", args.sigma_uv.is_some(), &solar)?;
     only("--sigma-ir", args.sigma_ir.is_some(), &solar)?;
     for (flag, value) in [("--sigma", args.sigma), ("--sigma-uv", args.sigma_uv), ("--sigma-ir", args.sigma_ir)] {
