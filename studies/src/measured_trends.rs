@@ -6,7 +6,7 @@ use plywave_sim::twin::{TwinCurves, direction};
 use rayon::prelude::*;
 
 /// Paths of a view of a trend.
-const PATHS: u64 = 20_000;
+const PATHS: u64 = 6_000;
 
 fn woven(kind: &str, sett: f64, yarn: &str) -> String {
     format!(

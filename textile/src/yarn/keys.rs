@@ -66,7 +66,7 @@ const COLOR: Custom = Custom {
     expected: "three numbers from 0 to 1, or three whole numbers up to 255, red, green and blue, or \"#rrggbb\" or \"#rgb\", or \"undyed\"",
     check: |file, key, value| match value.as_str() == Some(UNDYED) || plywave::color::srgb_of_value(value).is_some() {
         true => Ok(()),
-        false => Err(invalid(file, key, value, format!("expected {}", COLOR.expected))),
+        false => Err(invalid(file, key, value, format!("use {}", COLOR.expected))),
     },
 };
 /// The color of natural fibers without dye.

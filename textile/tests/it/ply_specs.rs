@@ -1,6 +1,8 @@
 //! The yarn specs that ship, in the language of cloths: each stands for the ply of its model.
 
 use plywave::PlyModel;
+use plywave::cloth::YarnColor;
+use plywave::color::Undyed;
 use plywave::spec::YarnSpec;
 use plywave_textile::{ClothSpec, alike, load_yarn_file};
 
@@ -84,4 +86,41 @@ fn other_plies_are_told_apart() {
     assert!(!changed(&|other| other.ply.handedness = plywave::spec::Handedness::S));
     assert!(!changed(&|other| other.fiber.alpha_fiber = 0.3) && !changed(&|other| other.fiber.eta = 1.6));
     assert!(!changed(&|other| other.beam.w0_um = 12.0));
+}
+
+/// A monofilament is as thick as its count says and is the whole ply (Kotilainen et al. 2018: 360 den of HDPE
+/// is 232 um wide); a yarn of two filaments is none.
+#[test]
+fn monofilaments_are_their_ply() {
+    let read = |yarn: &str| {
+        let weave = "name = \"net\"\n[weave]\nkind = \"plain\"\nends_per_cm = 16\npicks_per_cm = 16\n";
+        ClothSpec::parse(&format!("{weave}[warp]\n{yarn}\n[weft]\nas = \"warp\"\n"), "net.toml")
+    };
+    for (fiber, count, um) in [
+        ("polyethylene", "360 den", 231.5),
+        ("hdpe", "360/1 den", 231.5),
+        ("polypropylene", "360/1 den", 236.5),
+        ("pvc coated", "1500 den", 400.9),
+    ] {
+        let spec = read(&format!("fiber = \"{fiber}\"\ncount = \"{count}\"")).unwrap();
+        let yarn = spec.yarns()[0];
+        assert!((2.0 * yarn.radius_um() - um).abs() < 0.5, "{fiber}: {}", 2.0 * yarn.radius_um());
+        let ply = yarn.ply("net.toml", "warp").unwrap();
+        let shares = 1.0 - ply.packing_fraction();
+        assert!(ply.ply.fibers == 1 && (0.0..0.002).contains(&shares), "{fiber}: {shares}");
+        assert_eq!(ply.fiber.scattering_per_um > 0.0, fiber != "polypropylene");
+    }
+    let two = read("fiber = \"polyethylene\"\ncount = \"360/2 den\"").unwrap();
+    assert_eq!(two.yarns()[0].ply("net.toml", "warp").unwrap().ply.fibers, 2);
+    let color = |fiber: &str| {
+        let spec = read(&format!("fiber = \"{fiber}\"\ncount = \"200 den\"\ncolor = \"undyed\""))?;
+        Ok::<_, plywave::Error>(spec.yarns()[0].color)
+    };
+    assert_eq!(color("flax").unwrap(), YarnColor::Natural(Undyed::Cellulose));
+    assert_eq!(color("alpaca").unwrap(), YarnColor::Natural(Undyed::Wool));
+    let refused = color("polyester").unwrap_err().to_string();
+    assert_eq!(
+        refused,
+        "net.toml: warp.color = undyed: polyester has no color of its own: leave this out for clear fibers"
+    );
 }
