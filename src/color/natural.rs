@@ -1,9 +1,10 @@
 //! Absorption of undyed fibers in the visible.
 //!
-//! Reflectances of thick layers become K/S by Kubelka and Munk, and K/S becomes the absorption of the fiber by
-//! what a thick pile of our own cloths has (`studies`, `measured -- thick`: 0.0046 per um for cotton, 0.003 for
-//! wool, 0.0044 for silk, within a tenth up to K/S of 0.2). Between the wavelengths of the table the logarithm
-//! is linear; beyond its ends it is constant towards the infrared and goes on towards the ultraviolet.
+//! Reflectances of thick layers become K/S by Kubelka and Munk, and K/S becomes the absorption of the fiber
+//! by what a thick pile of our own cloths has (`studies`, `measured -- thick`: 0.0046 per um for cotton,
+//! 0.003 for wool, 0.0044 for silk, within a tenth up to K/S of 0.2). Between the wavelengths of the table
+//! the logarithm is linear; beyond its ends it is constant towards the infrared and goes on towards the
+//! ultraviolet.
 //!
 //! - Cellulose: cellulose powder, 0.891, 0.942, 0.960 and 0.964 at 450, 550, 650 and 850 nm (USGS splib07a,
 //!   public domain). It is a lower bound: raw cotton and flax, not bleached, are yellower.

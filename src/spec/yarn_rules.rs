@@ -45,8 +45,8 @@ pub const FIBER_KEYS: &[Key] = &[
     optional("metal", KeyKind::Choice(&["gold", "silver", "aluminium", "aluminum", "copper"]), "`eta`"),
     optional("dispersion_um2", KeyKind::Number(0.0, 0.1), "one index"),
     required("alpha_fiber", KeyKind::Number(0.0, 1.0)),
-    optional("scattering_per_um", KeyKind::Number(0.0, 10.0), "0.0"),
-    optional("scattering_g", KeyKind::Number(-0.95, 0.95), "0.0"),
+    optional("scattering_per_um", KeyKind::Number(0.0, 10.0), "clear"),
+    optional("scattering_g", KeyKind::Number(-0.95, 0.95), "even"),
 ];
 const BLEND: &[Key] = &[
     required("share", KeyKind::Number(0.01, 0.99)),

@@ -4,9 +4,9 @@
 //!
 //! `studies/measured.toml` has for each cloth what its label says, the ranges of what the label leaves open,
 //! and the measurement. Thirty specs of a Latin hypercube over those ranges are woven and path traced
-//! ([`TwinJob`]); the table has the median and the range of T, of the light that goes straight and of R beside
-//! the measurement. No number is fitted to a T. Where the label says no color, R fixes the dye, and only T and
-//! what is straight are predictions. In place of names
+//! ([`TwinJob`]); the table has the median and the range of T, of the light that goes straight and of R
+//! beside the measurement. No number is fitted to a T. Where the label says no color, R fixes the dye, and
+//! only T and what is straight are predictions. In place of names
 //!
 //! - `trends` prints signs: grazing reflectance, oblique transmittance, layers and weaves;
 //! - `layers` prints two layers of measured fabrics and of a cloth by adding one layer to another;
@@ -105,7 +105,8 @@ fn tell(name: &str, cloth: &Table, lights: &[Light]) -> Outcome<bool> {
         let (Some(low), Some(high)) = (values.first(), values.last()) else { continue };
         let se = lights.iter().map(|l| l.se).fold(0.0, f64::max);
         let is_dye = key == "R" && matches!(cloth.get("dye").and_then(Value::as_str), Some("R" | "scattering"));
-        let is_in = (*low..=*high).contains(&value);
+        // Rays leave a standard error.
+        let is_in = (*low - se..=*high + se).contains(&value);
         let verdict = if is_dye {
             "fixes the dye"
         } else if is_in {
@@ -131,8 +132,8 @@ fn number(draw: &Draw, key: &str) -> Option<f64> {
     draw.get(key).and_then(|v| v.as_float().or(v.as_integer().map(|n| n as f64)))
 }
 
-/// The draws of a cloth: every range is cut into as many parts as there are draws, each of which one draw has.
-/// A range over more than a factor of 5 is cut by the logarithm; a list of texts is a choice.
+/// The draws of a cloth: every range is cut into as many parts as there are draws, each of which one draw
+/// has. A range over more than a factor of 5 is cut by the logarithm; a list of texts is a choice.
 fn hypercube(cloth: &Table) -> Outcome<Vec<Draw>> {
     let mut rng =
         Pcg64Mcg::seed_from_u64(text(cloth, "name")?.bytes().fold(61, |h, b| h * 31 % 1_000_003 + u64::from(b)));
@@ -188,8 +189,8 @@ fn woven(spec: &ClothSpec, effort: Effort) -> Outcome<MadeCloth> {
     Ok(make_cloth(spec, "cloth", &mut read, effort, &|_| true)?)
 }
 
-/// The draw with the sett at which its cloth is as open as it says, if it says so; sets too dense to weave are
-/// not open.
+/// The draw with the sett at which its cloth is as open as it says, if it says so; setts too dense to weave
+/// are not open.
 fn with_sett(template: &str, draw: &Draw) -> Outcome<Draw> {
     let mut draw = draw.clone();
     // The yarns lie alike whatever they scatter.
@@ -253,9 +254,9 @@ fn light(twin: &ClothTwin, view: usize, sigma: usize) -> Light {
     }
 }
 
-/// Absorption over scattering of a body whose thick layer reflects `y` of white light: Kubelka and Munk's K/S
-/// below a surface that reflects `k1` from outside and 0.61 of diffuse light from inside (Saunderson 1942), and
-/// K = 2 sigma, S = 3/4 scattering (isotropic).
+/// Absorption over scattering of a body whose thick layer reflects `y` of white light: Kubelka and Munk's
+/// K/S below a surface that reflects `k1` from outside and 0.61 of diffuse light from inside (Saunderson
+/// 1942), and K = 2 sigma, S = 3/4 scattering (isotropic).
 fn absorption_over_scattering(y: f64, eta: f64) -> f64 {
     let (k1, k2) = (((eta - 1.0) / (eta + 1.0)).powi(2), 0.61);
     // Nothing comes from within a body as dark as its surface.
@@ -330,8 +331,8 @@ fn white(template: &str, draw: &Draw, r: f64) -> Outcome<Option<Light>> {
     of((low * high).sqrt(), PATHS).map(Some)
 }
 
-/// T of sunlight and of an even sky over ground that reflects, 400 to 700 nm. An amber net is black up to its
-/// edge and clear above.
+/// T of sunlight and of an even sky over ground that reflects, 400 to 700 nm. An amber net is black up to
+/// its edge and clear above.
 fn sunlit(made: &TwinCurves, draw: &Draw) -> Outcome<Light> {
     let of = |key: &str| number(draw, key);
     let zenith = (90.0 - of("sun_elevation_deg").unwrap_or(90.0)).to_radians();

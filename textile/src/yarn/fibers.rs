@@ -239,9 +239,9 @@ const KNOWN: &[Known] = &[
     // High density: 0.95 g/cm3; 1.54 (Polymer Handbook). Crystals make a millimeter of it milky; 1 mm of
     // transport is chosen.
     Known { names: &["polyethylene", "hdpe"], eta: 1.54, alpha: 0.1, density: 0.95, scattering: 0.001, ..MONOFILAMENT },
-    // Yarn of shade cloth: 21 % of polyester in 79 % of extruded vinyl, 0.254 or 0.457 mm thick (data sheet of
-    // MechoSystems' ThermoVeil). Vinyl: 1.54, plasticized 1.3 g/cm3 (Polymer Handbook). Here one body, white
-    // by 1 % of rutile; its transport length of 50 um and its roughness are chosen.
+    // Yarn of shade cloth: 21 % of polyester in 79 % of extruded vinyl, 0.254 or 0.457 mm thick (data sheet
+    // of MechoSystems' ThermoVeil). Vinyl: 1.54, plasticized 1.3 g/cm3 (Polymer Handbook). Here one body,
+    // white by 1 % of rutile; its transport length of 50 um and its roughness are chosen.
     Known {
         names: &["pvc coated", "vinyl coated"],
         shape: Shape::Circle { radius_um: 200.0 },
@@ -298,6 +298,11 @@ impl Known {
             undyed: self.undyed,
         }
     }
+}
+
+/// Whether a strand is one round fiber, which fills it.
+pub(crate) fn is_monofilament(fibers: u32, fiber: &FiberSpec) -> bool {
+    fibers == 1 && matches!(fiber.shape, Shape::Circle { .. } | Shape::HollowCircle { .. })
 }
 
 /// The same shape, `by` times as large.

@@ -1,7 +1,7 @@
 //! The ply model of a yarn's strands: its spec, and which models are as good.
 
 use crate::yarn::YarnOfCloth;
-use crate::yarn::resolve::is_monofilament;
+use crate::yarn::fibers::is_monofilament;
 use plywave::Result;
 use plywave::spec::rules::invalid;
 use plywave::spec::{FiberSpec, Packing, PlySpec, YarnSpec};

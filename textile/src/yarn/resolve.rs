@@ -6,7 +6,7 @@
 //! not more than so few fibers can have.
 
 use crate::yarn::count::{Count, fiber_area_um2, round_radius_um};
-use crate::yarn::fibers::{self, Fiber};
+use crate::yarn::fibers::{self, Fiber, is_monofilament};
 use crate::yarn::finish::Finish;
 use crate::yarn::hairs::Hairs;
 use crate::yarn::keys::UNDYED;
@@ -54,11 +54,6 @@ const SOME: [f64; 2] = [0.54, 0.69];
 const MANY: f64 = 0.78;
 /// Largest relative deviation of the sizes of fibers that count as equal.
 const EVEN: f64 = 0.03;
-
-/// Whether a strand is one round fiber, which fills it.
-pub(crate) fn is_monofilament(fibers: u32, fiber: &FiberSpec) -> bool {
-    fibers == 1 && matches!(fiber.shape, FiberShape::Circle { .. } | FiberShape::HollowCircle { .. })
-}
 
 /// Largest share of a strand's section that so many fibers usually fill, drawn at random.
 fn max_packing(fibers: u32, fiber: &FiberSpec) -> f64 {
