@@ -5,7 +5,7 @@
     scripts/check_looks.py fabrics/cloths/denim.toml --keep looks --only cycles
     scripts/check_looks.py --page docs/validation/pictures/looks.jpg
 
-A ball and two folds (cylinders along warp and weft) are seen from far away under one distant light, in front
+A ball, a drape and two folds (cylinders along warp and weft) are seen from far away under one distant light, in front
 and behind. The cloth's own pictures are those of its mean over the cell. Prints rows of a Markdown table:
 cloth, program, quantity, limit, measured. Needs the program (cargo build --release -p plywave-cli) and the
 Python package of plywave with numpy; for Cycles bpy 5.0, for Mitsuba mitsuba 3.9, for three.js node with
@@ -30,9 +30,12 @@ LUMINANCE = np.array([0.212639, 0.715169, 0.072192])
 # Pixels a side, radius of ball and folds [m], length of cloth in a unit of texture coordinates [m].
 SIDE, RADIUS, UV = 128, 0.05, 0.1
 # Directions of light [degrees from the viewer, azimuth]; above 90 behind the cloth.
-FRONT, BACK = ((15, 200), (45, 30), (45, 120)), ((180, 0), (150, 0), (150, 90))
-FOLD = (-50, -20, 20, 50)
-# Smallest cosines of viewer and light for a pixel that counts; from behind, sides of the ball shade each other.
+FRONT = ((15, 200), (45, 30), (45, 120), (45, 210), (45, 300))
+BACK = ((180, 0), (150, 0), (150, 90), (150, 180), (150, 270))
+FOLD = (-50, 20)
+SHAPES = ("ball", "drape", "fold_warp", "fold_weft")
+# Smallest cosines of viewer and light for a pixel that counts; from behind, sides of the ball shade each
+# other.
 COSINE, COSINE_BACK = 0.1, 0.6
 LIMITS = {"color": 0.05, "place": 5.0, "width": 0.25, "transmission": 0.1}
 failed = []
@@ -52,6 +55,9 @@ def grid(shape):
         n = np.stack([x, y, np.sqrt(np.maximum(1 - r2, 1e-9))], -1)
         u = np.stack([n[..., 2], 0 * x, -n[..., 0]], -1)
         return n, u / np.linalg.norm(u, axis=-1, keepdims=True), r2 < 0.995
+    if shape == "drape":
+        n, u = drape(x, y)[1:]
+        return n, u, np.ones_like(x, bool)
     across = x if shape == "fold_warp" else y
     z = np.sqrt(np.maximum(1 - across * across, 1e-9))
     zero = 0 * x
@@ -60,14 +66,33 @@ def grid(shape):
     return np.stack([zero, y, z], -1), np.stack([zero + 1, zero, zero], -1), abs(across) < 0.995
 
 
+def drape(x, y):
+    """Gives heights, normals and directions of u of a hanging cloth: folds that fan out downwards.
+
+    Slopes stay below 42 degrees, so that a light 45 degrees off throws no shadow."""
+    wide = 1.6 - 0.6 * y
+    phase = 7.5 * x / wide + 0.6 * np.sin(2.2 * y)
+    deep = 0.085 * wide * (1 - 0.3 * y)
+    slope_x = deep * np.cos(phase) * 7.5 / wide
+    slope_y = deep * np.cos(phase) * (7.5 * x * 0.6 / wide**2 + 1.32 * np.cos(2.2 * y)) + np.sin(phase) * 0.085 * (-0.6 * (1 - 0.3 * y) - 0.3 * wide)
+    n = np.stack([-slope_x, -slope_y, np.ones_like(x)], -1)
+    u = np.stack([np.ones_like(x), 0 * x, slope_x], -1)
+    return deep * np.sin(phase), n / np.linalg.norm(n, axis=-1, keepdims=True), u / np.linalg.norm(u, axis=-1, keepdims=True)
+
+
 def mesh(shape, steps=96):
     """Gives positions, normals, texture coordinates and triangles; texture coordinates are lengths of cloth."""
     a = np.linspace(-0.5, 0.5, steps + 1) * math.pi
     b = a if shape == "ball" else np.linspace(-1, 1, steps + 1)
+    if shape == "drape":
+        a = b = np.linspace(-1.05, 1.05, steps + 1)
     p, q = np.meshgrid(a, b)
     if shape == "ball":
         n = np.stack([np.sin(p) * np.cos(q), np.sin(q), np.cos(p) * np.cos(q)], -1)
         at, uv = n, np.stack([p, q], -1)
+    elif shape == "drape":
+        z, n, _ = drape(p, q)
+        at, uv = np.stack([p, q, z], -1), np.stack([p, q], -1)
     elif shape == "fold_warp":
         n = np.stack([np.sin(p), 0 * p, np.cos(p)], -1)
         at, uv = n + np.stack([0 * p, q, 0 * p], -1), np.stack([p, q], -1)
@@ -90,6 +115,8 @@ def scenes():
         yield f"ball_front{k}", "ball", direction(*light)
     for k, light in enumerate(BACK):
         yield f"ball_back{k}", "ball", direction(*light)
+    yield "drape_front", "drape", direction(45, 30)
+    yield "drape_back", "drape", direction(150, 20)
     for tilt in FOLD:
         yield f"fold_warp{tilt:+d}", "fold_warp", direction(tilt, 0)
         yield f"fold_weft{tilt:+d}", "fold_weft", direction(tilt, 90)
@@ -188,7 +215,7 @@ def mitsuba(job):
     mi.set_variant("llvm_ad_rgb")
     path = Path(job["file"])
     name = re.search(r'id="(\w+)"', path.read_text())[1]
-    for shape in ("ball", "fold_warp", "fold_weft"):
+    for shape in SHAPES:
         at, normals, uv, triangles = mesh(shape)
         made = mi.Mesh(shape, len(at), len(triangles), has_vertex_normals=True, has_vertex_texcoords=True)
         values = mi.traverse(made)
@@ -213,7 +240,7 @@ def mitsuba(job):
 def three(job):
     """In a process of its own: pictures of a .glb in three.js."""
     shapes = {}
-    for shape in ("ball", "fold_warp", "fold_weft"):
+    for shape in SHAPES:
         at, normals, uv, triangles = mesh(shape)
         shapes[shape] = {"at": at.reshape(-1).tolist(), "normals": normals.reshape(-1).tolist(), "uv": uv.reshape(-1).tolist(), "triangles": triangles.reshape(-1).tolist()}
     task = {"side": SIDE, "radius": RADIUS, "uv_m": UV, "shapes": shapes, "scenes": [[n, s, list(map(float, d))] for n, s, d in scenes()]}
@@ -264,11 +291,14 @@ def note(cloth, program, quantity, measured, limit):
 def compare(cloth, program, want, got):
     """Notes the distances of pictures from the cloth's."""
     sums, largest, place, width, none = np.zeros((2, 2, 3)), [0.0, 0.0], 0.0, 0.0, 0
+    drapes = []
     for name, shape, light in scenes():
         n, _, mask = grid(shape)
         counts = mask & (n[..., 2] > (COSINE if light[2] > 0 else COSINE_BACK)) & (n @ light * math.copysign(1, light[2]) > COSINE)
         a, b = want[name][counts].mean(0), got[name][counts].mean(0)
-        if shape == "ball":
+        if shape == "drape":
+            drapes.append(float(np.linalg.norm(b - a) / np.linalg.norm(a)))
+        elif shape == "ball":
             behind = int(light[2] < 0)
             sums[behind] += (a, b)
             largest[behind] = max(largest[behind], float(np.linalg.norm(b - a) / np.linalg.norm(a)))
@@ -282,8 +312,9 @@ def compare(cloth, program, want, got):
             width = max(width, abs(of_program[1] / of_cloth[1] - 1))
     for behind, (where, limit) in enumerate((("in front", LIMITS["color"]), ("behind", LIMITS["transmission"]))):
         off = float(np.linalg.norm(sums[behind, 1] - sums[behind, 0]) / np.linalg.norm(sums[behind, 0]))
-        note(cloth, program, f"color of a ball, mean of three lights {where}: relative difference", off, limit)
+        note(cloth, program, f"color of a ball, mean of five lights {where}: relative difference", off, limit)
         note(cloth, program, f"the same, of the light {where} that is farthest off", largest[behind], limit)
+        note(cloth, program, f"color of a drape, light {where}: relative difference", drapes[behind], limit)
     if none < 2 * len(FOLD):
         note(cloth, program, "place of the streak of a fold: largest difference [degrees]", place, LIMITS["place"])
         note(cloth, program, "width of the streak: largest relative difference", width, LIMITS["width"])
@@ -342,7 +373,7 @@ def page(pairs, path):
     """Writes pictures of ball and folds, with light in front and behind: a cloth's programs side by side."""
     from PIL import Image, ImageDraw
 
-    names = ("ball_front1", "fold_warp+50", "fold_weft+50", "ball_back1")
+    names = ("ball_front1", "fold_warp+50", "fold_weft+50", "drape_front", "drape_back")
     tiles = [(cloth, program, pictures) for cloth, shown in pairs for program, pictures in shown.items()]
     sheet = Image.new("RGB", (len(names) * (SIDE + 4) + 90, len(tiles) * (SIDE + 4)), "white")
     draw = ImageDraw.Draw(sheet)

@@ -320,7 +320,7 @@ class Cloth(Document):
 
         Args:
             path: The file to write, or several files of a report; textures go into a folder beside it. Either all files are written or none.
-            to: "report" (.md, .html, .json, .csv), "klems" or "tensortree" (.xml), "rgl" (.bsdf), "openpbr" (.mtlx), "gltf" (.glb), "usd" (.usda).
+            to: "report" (.md, .html, .json, .csv), "klems" or "tensortree" (.xml), "rgl" (.bsdf), "openpbr" (.mtlx), "gltf" (.glb), "usd" (.usda), "blender" (.py), "mitsuba" (.xml).
             force: Replace files that are not of an earlier export to the same format, which is an error without it.
             sigma_uv_per_um: Absorption of all yarns below 0.38 um [1/um], for solar numbers and the UPF; by default that at 0.38 um, and no UPF.
             sigma_ir_per_um: Absorption of all yarns above 0.78 um [1/um], for solar numbers; by default that at 0.78 um.

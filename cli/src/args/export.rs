@@ -91,7 +91,8 @@ pub struct ExportArgs {
     /// Pixels of textures along the longer side of the repeat, 16 to 4096 [default: 256].
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(16..=4096))]
     pub pixels: Option<u32>,
-    /// Length of cloth per unit of a surface's texture coordinates in MaterialX, Blender and Mitsuba [mm] [default: 100].
+    /// Length of cloth per unit of a surface's texture coordinates in MaterialX, Blender and Mitsuba [mm]
+    /// [default: 100].
     #[arg(long, value_name = "MM", allow_negative_numbers = true)]
     pub cloth_mm: Option<f64>,
 }

@@ -1,4 +1,4 @@
-# Makes this cloth in Blender 4.2 and later, for Cycles: run `blender --python THIS_FILE`, open it in the text
+# Makes this cloth in Blender 5.0, for Cycles: run `blender --python THIS_FILE`, open it in the text
 # editor and run it, or import it and call build(). The node group works on any mesh with texture coordinates,
 # whose u is the weft and whose v is the warp.
 import os
@@ -88,7 +88,17 @@ def node_group():
     diffuse = node("ShaderNodeBsdfDiffuse")
     link(textures["diffuse"], diffuse.inputs["Color"])
     translucent = node("ShaderNodeBsdfTranslucent")
-    link(times(textures["translucent"], CLOTH["translucent"]), translucent.inputs["Color"])
+    # A share of it falls with the viewer's cosine, which is 1 - facing.
+    facing = node("ShaderNodeLayerWeight")
+    facing.inputs["Blend"].default_value = 0.5
+    link(normal.outputs[0], facing.inputs["Normal"])
+    falls = node("ShaderNodeMath", operation="MULTIPLY")
+    link(facing.outputs["Facing"], falls.inputs[0])
+    falls.inputs[1].default_value = -CLOTH["facing"]
+    stays = node("ShaderNodeMath", operation="ADD")
+    link(falls.outputs[0], stays.inputs[0])
+    stays.inputs[1].default_value = 1.0
+    link(times(times(textures["translucent"], CLOTH["translucent"]), stays.outputs[0]), translucent.inputs["Color"])
     # Light that goes on forward: a rough refraction, whose index sets how far it spreads.
     forward = node("ShaderNodeBsdfRefraction", distribution="GGX")
     forward.inputs["Color"].default_value = (*CLOTH["forward"], 1.0)

@@ -76,6 +76,7 @@ pub fn blender(
         "relief": RELIEF,
         "glossy": textures.gloss_scale,
         "translucent": textures.mix,
+        "facing": material.facing.clamp(0.0, 1.0),
         "forward": material.forward,
         "forward_ior": material.forward_index,
         "forward_roughness": FORWARD_WIDTH.sqrt(),

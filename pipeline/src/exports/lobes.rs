@@ -1,12 +1,12 @@
 //! The lobes of a material, by the formulas of the renderers that read it.
 //!
 //! OpenPBR is as MaterialX 1.39.5 codes it for GLSL: a GGX lobe whose masking is that of the mean width, with
-//! Turquin's compensation, over diffuse light, below the fuzz of Zeltner, Burley and Chiang (2022). glTF is as
-//! three.js r187 codes it: an anisotropic GGX lobe, diffuse light below its Fresnel term, the sheen of Estevez
-//! and Kulla (2017) over both. Cycles 5.0 adds closures: a GGX lobe for each kind of yarn, the same fuzz,
-//! diffuse and translucent light. Mitsuba 3.9 blends a metallic `principled`, GGX with a separable masking, with
-//! diffuse light and a `principledthin`, and has no fuzz. All contain the cosine of the incident light. Left out: light between
-//! surfaces.
+//! Turquin's compensation, over diffuse light, below the fuzz of Zeltner, Burley and Chiang (2022). glTF is
+//! as three.js r187 codes it: an anisotropic GGX lobe, diffuse light below its Fresnel term, the sheen of
+//! Estevez and Kulla (2017) over both. Cycles 5.0 adds closures: a GGX lobe for each kind of yarn, the same
+//! fuzz, diffuse and translucent light. Mitsuba 3.9 blends a metallic `principled`, GGX with a separable
+//! masking, with diffuse light and a `principledthin`, and has no fuzz. All contain the cosine of the
+//! incident light. Left out: light between surfaces.
 
 use super::maps::Point;
 use std::f64::consts::PI;
@@ -57,7 +57,8 @@ pub struct Parts {
     pub diffuse: f64,
     /// The part of the diffuse light that a glossy lobe of color 1 takes.
     pub taken: f64,
-    /// Gloss, rim, diffuse light and what is taken of it again, times the share that a fuzz of weight 1 takes.
+    /// Gloss, rim, diffuse light and what is taken of it again, times the share that a fuzz of weight 1
+    /// takes.
     pub below: [f64; 5],
 }
 
@@ -266,8 +267,9 @@ fn refracted(index: f64, width: f64, o: [f64; 3], i: [f64; 3]) -> f64 {
     g * ho * -hi * index * index / (PI * at * e * e * length2 * o[2])
 }
 
-/// Light that a material transmits at one normal: diffusely and forward, each for a color of 1, with a fuzz of
-/// this weight over it. Cycles alone has a closure for forward light, with an index of its own.
+/// Light that a material transmits at one normal for a color of 1, with a fuzz of this weight over it:
+/// diffuse light, diffuse light times the viewer's cosine, and forward light. Cycles alone has the last two;
+/// forward light has an index of its own.
 pub fn transmitted(
     engine: Engine,
     shape: &Shape,
@@ -275,18 +277,18 @@ pub fn transmitted(
     frame: &Frame,
     wo: [f64; 3],
     wi: [f64; 3],
-) -> [f64; 2] {
+) -> [f64; 3] {
     let (o, i) = (frame.local(wo), frame.local(wi));
     if o[2] <= 1e-3 || i[2] >= 0.0 {
-        return [0.0; 2];
+        return [0.0; 3];
     }
     let below = 1.0 - fuzz * fuzz_albedo(engine, o[2], shape.fuzz_roughness);
     let diffuse = -i[2] / PI;
     match engine {
-        Engine::OpenPbr => [below * (1.0 - taken_by_gloss(shape, frame.kind, o[2])) * diffuse, 0.0],
-        Engine::Gltf => [below * diffuse, 0.0],
-        Engine::Mitsuba => [diffuse, 0.0],
-        Engine::Cycles => [diffuse, refracted(index, FORWARD_WIDTH, o, i)],
+        Engine::OpenPbr => [below * (1.0 - taken_by_gloss(shape, frame.kind, o[2])) * diffuse, 0.0, 0.0],
+        Engine::Gltf => [below * diffuse, 0.0, 0.0],
+        Engine::Mitsuba => [diffuse, 0.0, 0.0],
+        Engine::Cycles => [diffuse, o[2] * diffuse, refracted(index, FORWARD_WIDTH, o, i)],
     }
 }
 

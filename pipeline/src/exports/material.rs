@@ -2,12 +2,13 @@
 //!
 //! The material has a glossy GGX lobe for each kind of yarn, a fuzz, diffuse reflection and diffuse
 //! transmission, each with a color, by the formulas of the [`Engine`] that renders it, and an opacity for the
-//! gaps. glTF has one lobe, about the normal of the cloth, for all yarns. Other lobes lie about the normals of the plies, flattened to the [`RELIEF`] that a normal map is applied
-//! with: the fitted light is the mean over them. The rougher axis of a lobe lies across the yarn. The cost is
-//! the difference from the [pictures](super::pictures) of the cloth, as the eye sees it: relative to a power
-//! of the brightness, pixel by pixel and for the mean of each picture. Colors are solved for by non-negative
-//! least squares at each step. The index of refraction is that of the fibers. Logarithmic barriers keep the
-//! other parameters inside their ranges.
+//! gaps. glTF has one lobe, about the normal of the cloth, for all yarns. Other lobes lie about the normals
+//! of the plies, flattened to the [`RELIEF`] that a normal map is applied with: the fitted light is the mean
+//! over them. The rougher axis of a lobe lies across the yarn. The cost is the difference from the
+//! [pictures](super::pictures) of the cloth, as the eye sees it: relative to a power of the brightness, pixel
+//! by pixel and for the mean of each picture. Colors are solved for by non-negative least squares at each
+//! step. The index of refraction is that of the fibers. Logarithmic barriers keep the other parameters inside
+//! their ranges.
 
 use super::lobes::{Engine, Frame, Parts, Shape, dot, reflected, transmitted};
 use super::maps::Maps;
@@ -35,6 +36,8 @@ pub struct Material {
     pub fuzz_energy: [f64; 3],
     /// Diffuse reflectance and diffuse transmittance, linear sRGB.
     pub diffuse: [[f64; 3]; 2],
+    /// Share of the diffuse transmittance that falls with the cosine of the viewer.
+    pub facing: f64,
     /// Color of light that goes on forward, linear sRGB.
     pub forward: [f64; 3],
     /// Index of the closure of this light, which sets how far it spreads.
@@ -81,14 +84,14 @@ pub struct Fit {
     pub streak_width: f64,
 }
 
-/// Strength with which normal maps of plies are applied. Light that enters a ply leaves it at other places, so
-/// that its sides are not as dark as those of a hard body are.
+/// Strength with which normal maps of plies are applied. Light that enters a ply leaves it at other places,
+/// so that its sides are not as dark as those of a hard body are.
 pub const RELIEF: f64 = 0.35;
 
 /// Number of parameters: width across and the ratio of the widths of two kinds, roughness of the fuzz, level.
 const PARAMETERS: usize = 6;
 const LOWER: [f64; PARAMETERS] = [0.03, 0.02, 0.03, 0.02, 0.3, 0.004];
-const UPPER: [f64; PARAMETERS] = [1.0, 1.0, 1.0, 1.0, 1.0, 1.0];
+const UPPER: [f64; PARAMETERS] = [1.0, 1.0, 1.0, 1.0, 1.0, 0.4];
 const NAMES: [&str; PARAMETERS] = ["roughness", "anisotropy", "roughness", "anisotropy", "fuzz roughness", "level"];
 /// Starting points of the fit, of which the best result is used.
 const STARTS: [[f64; PARAMETERS]; 2] = [[0.4, 0.5, 0.4, 0.5, 0.5, 0.08], [0.8, 0.3, 0.8, 0.3, 0.4, 0.2]];
@@ -106,6 +109,11 @@ const RIDGE: f64 = 1e-4;
 const SWEEPS: usize = 60;
 /// Indices that are tried for forward light.
 const INDICES: [f64; 5] = [1.25, 1.4, 1.6, 1.9, 2.4];
+/// Largest share of the light below Mitsuba's glossy lobe that is reflected diffusely without a penalty, so
+/// that light which goes through has its place.
+const MITSUBA_DIFFUSE: f64 = 0.6;
+/// Light that a material may transmit beyond the cloth's, of light from all views.
+const EXCESS: f64 = 0.02;
 /// Largest color without a penalty.
 const MAX_COLOR: f64 = 0.95;
 
@@ -251,7 +259,7 @@ impl Target {
         }
         let most = |k: usize| match self.engine {
             Engine::Gltf | Engine::Mitsuba if k < 2 => MAX_COLOR * x[5],
-            Engine::Mitsuba if k == 3 => MAX_COLOR * (1.0 - x[5]),
+            Engine::Mitsuba if k == 3 => MITSUBA_DIFFUSE * (1.0 - x[5]),
             _ => MAX_COLOR,
         };
         let beyond = |c: &[f64; COLORS]| (0..COLORS).map(|k| (c[k] - most(k)).max(0.0).powi(2)).sum::<f64>();
@@ -265,22 +273,22 @@ impl Target {
         sum / count + over + BARRIER * barrier
     }
 
-    /// Colors of diffuse and of forward light from behind that fit best, and their cost: `of` gives both for a color of 1.
-    fn through(&self, of: impl Fn(&Pixel) -> [f64; 2]) -> ([[f64; 3]; 2], f64) {
+    /// Colors of light from behind that fit best, and their cost: `of` gives this light for colors of 1.
+    fn through(&self, of: impl Fn(&Pixel) -> [f64; 3]) -> ([[f64; 3]; 3], f64) {
         let (mut a, mut b, mut all) = ([[0.0; COLORS]; COLORS], [[0.0; COLORS]; 3], 0.0);
-        let mut add = |lobes: [f64; 2], want: [f64; 3], w: f64| {
+        let mut add = |lobes: [f64; 3], want: [f64; 3], w: f64| {
             all += w * dot(want, want);
-            for i in 0..2 {
-                (0..2).for_each(|j| a[i][j] += w * lobes[i] * lobes[j]);
+            for i in 0..3 {
+                (0..3).for_each(|j| a[i][j] += w * lobes[i] * lobes[j]);
                 (0..3).for_each(|c| b[c][i] += w * lobes[i] * want[c]);
             }
         };
         for picture in self.pictures.iter().filter(|p| p.is_back) {
             let per = 1.0 / picture.pixels.len().max(1) as f64;
-            let (mut lobes, mut want) = ([0.0; 2], [0.0; 3]);
+            let (mut lobes, mut want) = ([0.0; 3], [0.0; 3]);
             for p in &picture.pixels {
                 let one = of(p);
-                (0..2).for_each(|k| lobes[k] += per * one[k]);
+                (0..3).for_each(|k| lobes[k] += per * one[k]);
                 (0..3).for_each(|c| want[c] += per * p.rgb[c]);
             }
             // Relative to a picture's mean, and each pixel as far as the eye sees it.
@@ -290,15 +298,15 @@ impl Target {
             }
             add(lobes, want, MEAN_WEIGHT / (mean * mean));
         }
-        (0..2).for_each(|k| a[k][k] += RIDGE * a[0][0]);
+        (0..3).for_each(|k| a[k][k] += RIDGE * a[0][0]);
         let solved = b.map(|b| non_negative(&a, &b));
         let gain: f64 = (0..3)
             .map(|c| {
                 let x = &solved[c];
-                (0..2).map(|i| x[i] * (2.0 * b[c][i] - (0..2).map(|j| a[i][j] * x[j]).sum::<f64>())).sum::<f64>()
+                (0..3).map(|i| x[i] * (2.0 * b[c][i] - (0..3).map(|j| a[i][j] * x[j]).sum::<f64>())).sum::<f64>()
             })
             .sum();
-        ([0, 1].map(|k| [0, 1, 2].map(|c| solved[c][k].min(1.0))), all - gain)
+        ([0, 1, 2].map(|k| [0, 1, 2].map(|c| solved[c][k].min(1.0))), all - gain)
     }
 
     /// Mean color of a picture: of the cloth, and of a material with this light of a pixel.
@@ -385,8 +393,9 @@ impl Material {
     ) -> Result<Material, Error> {
         let presence = (1.0 - cloth.straight(&|_| [0.0, 0.0, 1.0], 8192, 1)).max(1e-3);
         let pictures = pictures(cloth, presence);
-        // Programs that show glTF filter textures: from afar normals are flat, and a direction that changes from
-        // yarn to yarn has a mean that is that of none. One direction for all yarns is left: the better one.
+        // Programs that show glTF filter textures: from afar normals are flat, and a direction that changes
+        // from yarn to yarn has a mean that is that of none. One direction for all yarns is left: the better
+        // one.
         let all: Vec<(usize, Vec<Frame>)> = match engine {
             Engine::Gltf => [1, 0].map(|axis| (axis, vec![Frame::flat(axis)])).into(),
             // Mitsuba has no texture of directions.
@@ -421,10 +430,10 @@ impl Material {
         let fuzz_weight = |colors: &Colors| (0..3).map(|c| colors[c][2]).fold(0.0, f64::max).min(1.0);
         let share = 1.0 / target.frames.len().max(1) as f64;
         let fuzz = fuzz_weight(&colors);
-        let behind_of = |index: f64, wo: [f64; 3], wi: [f64; 3]| -> [f64; 2] {
-            target.frames.iter().fold([0.0; 2], |sum, frame| {
+        let behind_of = |index: f64, wo: [f64; 3], wi: [f64; 3]| -> [f64; 3] {
+            target.frames.iter().fold([0.0; 3], |sum, frame| {
                 let one = transmitted(engine, &shape, [fuzz, index], frame, wo, wi);
-                [sum[0] + share * one[0], sum[1] + share * one[1]]
+                [0, 1, 2].map(|k| sum[k] + share * one[k])
             })
         };
         let tried = INDICES.map(|index| (index, target.through(|p| behind_of(index, p.wo, p.wi))));
@@ -443,7 +452,7 @@ impl Material {
         }
         let lights = [even(true), even(false)];
         let bands = Bands::new();
-        type Row = ([Vec<[f64; 3]>; 2], Vec<Parts>, Vec<[f64; 2]>);
+        type Row = ([Vec<[f64; 3]>; 2], Vec<Parts>, Vec<[f64; 3]>);
         let row = |wo: &[f64; 3]| -> Row {
             let cloth = [0, 1].map(|half: usize| {
                 let towards: Vec<[f32; 3]> = lights[half].iter().map(|w| w.map(|v| v as f32)).collect();
@@ -456,23 +465,23 @@ impl Material {
         };
         let rows: Vec<Row> = views.par_iter().map(row).collect();
         let of_view = 2.0 * PI / LIGHTS as f64;
-        let mix = |through: &[[f64; 3]; 2], behind: [f64; 2]| -> [f64; 3] {
-            std::array::from_fn(|c| through[0][c] * behind[0] + through[1][c] * behind[1])
+        let mix = |through: &[[f64; 3]; 3], behind: [f64; 3]| -> [f64; 3] {
+            std::array::from_fn(|c| (0..3).map(|k| through[k][c] * behind[k]).sum())
         };
-        let total = |colors: &Colors, through: &[[f64; 3]; 2]| {
+        let total = |colors: &Colors, through: &[[f64; 3]; 3]| {
             let of = |(_, parts, behind): &Row| {
                 let up: f64 = parts.iter().map(|p| luminance(light(p, colors))).sum();
                 of_view * (up + behind.iter().map(|b| luminance(mix(through, *b))).sum::<f64>())
             };
             rows.iter().map(of).fold(0.0, f64::max)
         };
-        // A diffuse lobe alone cannot have the forward light of pictures and the energy of all directions: it is
-        // in the middle between both.
+        // A diffuse lobe alone cannot have the forward light of pictures and the energy of all directions.
         if engine != Engine::Cycles {
             let sum = |of: &dyn Fn(&Row) -> f64| rows.iter().map(of).sum::<f64>();
             let want = sum(&|r| r.0[1].iter().map(|f| luminance(*f)).sum());
             let got = sum(&|r| r.2.iter().map(|b| luminance(mix(&through, *b))).sum());
-            let factor = (want / got.max(1e-12)).sqrt().clamp(0.5, 1.0);
+            let excess = EXCESS / (presence * of_view / views.len() as f64);
+            let factor = ((want + excess) / got.max(1e-12)).min(1.0);
             through[0] = through[0].map(|v| factor * v);
         }
         // The fit may give some views more light than comes in.
@@ -539,8 +548,9 @@ impl Material {
             gloss,
             fuzz: of(2),
             fuzz_energy,
-            diffuse: [of(3), through[0]],
-            forward: through[1],
+            diffuse: [of(3), [0, 1, 2].map(|c| through[0][c] + through[1][c])],
+            facing: luminance(through[1]) / (luminance(through[0]) + luminance(through[1])).max(1e-12),
+            forward: through[2],
             forward_index: index,
             axis: 1,
             presence,

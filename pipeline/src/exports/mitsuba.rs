@@ -21,9 +21,9 @@ pub fn texture_names(stem: &str) -> [String; 5] {
     TEXTURES.map(|what| format!("{stem}_maps/{what}.png"))
 }
 
-/// Roughness and anisotropy of `principled`: the widths are `roughness^2 / aspect` along u and
-/// `roughness^2 * aspect` along v, with `aspect = sqrt(1 - 0.9 anisotropic)`. The lobe is wide across the yarns,
-/// along u for those of the warp; for the weft the anisotropy is negative.
+/// Roughness and anisotropy of `principled`: the widths are `roughness^2 / aspect` along u and `roughness^2 *
+/// aspect` along v, with `aspect = sqrt(1 - 0.9 anisotropic)`. The lobe is wide across the yarns, along u for
+/// those of the warp; for the weft the anisotropy is negative.
 fn principled([across, along]: [f64; 2], axis: usize) -> [f64; 2] {
     let aspect2 = if axis == 1 { along / across } else { across / along };
     [(across * along).powf(0.25), (1.0 - aspect2) / 0.9]

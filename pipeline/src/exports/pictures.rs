@@ -2,9 +2,9 @@
 //! of it and behind it, seen from far away along z.
 //!
 //! A pixel is a pair of directions in the cloth's frame at the point that it shows. On a sphere the warp runs
-//! along the meridians. A fold is a cylinder along the warp or along the weft, and its light lies in the plane
-//! across it, so that a row of its pixels shows the profile of a streak. The cloth's numbers are those of its
-//! mean over the cell.
+//! along the meridians. A fold is a cylinder along the warp or along the weft, and its light lies in the
+//! plane across it, so that a row of its pixels shows the profile of a streak. The cloth's numbers are those
+//! of its mean over the cell.
 
 use super::lobes::{cross, unit};
 use super::mean::{Bands, MeanCloth, Spectrum};
@@ -83,7 +83,8 @@ fn sphere(light: [f64; 3], is_back: bool) -> Picture {
     Picture { pixels: (0..SPHERE_PIXELS).map(each).collect(), is_fold: false, is_back }
 }
 
-/// The pictures of a cloth. Where `presence` of the cloth is in the way of light, radiances are divided by it.
+/// The pictures of a cloth. Where `presence` of the cloth is in the way of light, radiances are divided by
+/// it.
 pub fn pictures(cloth: &MeanCloth, presence: f64) -> Vec<Picture> {
     let folds = [1, 0].into_iter().flat_map(|axis| FOLD_LIGHTS_DEG.map(|light| fold(axis, light)));
     let fronts = FRONT_LIGHTS_DEG.map(|light| sphere(direction(light), false));

@@ -24,8 +24,6 @@ pub struct Textures {
 
 /// Fraction of the pixels whose colors may be clamped.
 const BRIGHT: f64 = 0.02;
-/// Largest share of diffuse light that is assigned to transmission.
-const MAX_MIX: f64 = 0.9;
 /// Number of steps by which light that is cut off is given back.
 const STEPS: usize = 6;
 
@@ -64,7 +62,10 @@ impl Textures {
         // Of the light that Mitsuba's glossy lobe leaves.
         let rest = if material.engine == Engine::Mitsuba { 1.0 - material.shape.level } else { 1.0 };
         let through = bright(&transmission) / rest;
-        let mix = if through > 1e-4 { through.min(1.0 - bright(&base) / rest).clamp(1e-3, MAX_MIX) } else { 0.0 };
+        let above = bright(&base) / rest;
+        // Both are cut off alike where the brightest pixels send out more light than comes in.
+        let most = if material.engine == Engine::Cycles { through } else { through + above };
+        let mix = if through > 1e-4 { through / most.max(1.0) } else { 0.0 };
         let level = material.shape.level;
         // Closures of Cycles are added: none takes light of another. Mitsuba blends them.
         let (gloss_scale, below, left) = match material.engine {

@@ -250,13 +250,14 @@ fn files_of_another_origin_stay() {
     let mains: Vec<(Format, PathBuf)> =
         Format::ALL.into_iter().map(|format| (format, at(&format!("o.{}", format.endings()[0])))).collect();
     let mut all: Vec<PathBuf> = Vec::new();
-    for (format, main) in mains.iter().filter(|(format, _)| *format != Format::TensorTree) {
+    for (format, main) in mains.iter().filter(|(format, _)| ![Format::TensorTree, Format::Mitsuba].contains(format)) {
         all.extend(format.outputs(std::slice::from_ref(main)));
     }
     let count = all.len();
     all.sort();
     all.dedup();
     assert_eq!((all.len(), count), (4 + 9 + 10 + 9, 4 + 9 + 10 + 9), "{all:?}");
+    assert_eq!(Format::Mitsuba.outputs(&[at("m.xml")]).len(), 6);
     // What two formats would both write is refused by the second.
     let options = ExportOptions { squares: 8, samples: 1024, pixels: 16, ..ExportOptions::default() };
     let views = vec![View { tilt_rad: 0.0, azimuth_rad: 0.0, is_face: true }];
@@ -382,6 +383,41 @@ fn reports_have_standard_errors_and_say_what_they_assume() {
     assert!(columns.iter().all(|n| *n == columns[0]), "{columns:?}");
 }
 
+/// Materials are as near to the cloth's pictures as each renderer's formulas allow, with no number at a
+/// bound, and the index of the fibers; Cycles has a closure for light that goes on forward, others do not.
+#[test]
+#[ignore = "slow: 25 s: four fits"]
+fn materials_look_like_the_cloth() {
+    let options = ExportOptions { pixels: 16, ..ExportOptions::default() };
+    for (format, name, behind) in [
+        (Format::OpenPbr, "o.mtlx", 0.55),
+        (Format::Gltf, "o.glb", 0.55),
+        (Format::Mitsuba, "o.xml", 0.55),
+        (Format::Blender, "o.py", 0.1),
+    ] {
+        let out = exported(format, name, &options);
+        let fact = |name: &str| out.facts.iter().find(|(fact, _)| *fact == name).unwrap().1;
+        assert!(fact("mean_color_off_in_front") < 0.07, "{format:?}: {:?}", out.facts);
+        assert!(fact("mean_color_off_behind") < behind, "{format:?}: {:?}", out.facts);
+        let ratio = |what: &str| fact(&format!("{what}_of_the_material")) / fact(&format!("{what}_of_the_cloth"));
+        assert!((0.75..1.1).contains(&ratio("reflectance")), "{format:?}: {:?}", out.facts);
+        assert!((0.9..1.2).contains(&ratio("transmittance")), "{format:?}: {:?}", out.facts);
+        assert!((fact("ior") - 1.556).abs() < 1e-3, "{format:?}: {}", fact("ior"));
+        assert!(!out.notes.iter().any(|note| note.contains(" ended at ")), "{format:?}: {:?}", out.notes);
+        if format == Format::Blender {
+            let code = text(&out);
+            assert!(code.contains("CLOTH = {") && code.contains("\"sheen_roughness\"") && code.contains("def build"));
+        }
+        if format == Format::Mitsuba {
+            let document = roxmltree::Document::parse(text(&out)).unwrap();
+            assert!(child(document.root_element(), "bsdf").attribute("id").is_some());
+        }
+        let main = [PathBuf::from(name)];
+        let names: Vec<&PathBuf> = out.files.iter().map(|(path, _)| path).collect();
+        assert_eq!(names, format.outputs(&main).iter().collect::<Vec<_>>(), "{format:?}");
+    }
+}
+
 #[test]
 #[ignore = "slow: 20 s: two fits"]
 fn materials_are_whole_and_near_the_cloth() {
@@ -411,7 +447,7 @@ fn materials_are_whole_and_near_the_cloth() {
     let off =
         |what: &str| (fact(&format!("{what}_of_the_material")) / fact(&format!("{what}_of_the_cloth")) - 1.0).abs();
     assert!(off("reflectance") < 0.15 && off("transmittance") < 0.15, "{:?}", out.facts);
-    assert!(out.notes.iter().any(|note| note.starts_with("Error by lobe")), "{:?}", out.notes);
+    assert!(out.notes.iter().any(|note| note.contains("fitted to pictures")), "{:?}", out.notes);
 
     // All of them are known again as this format's, and of no other.
     let folder = tempfile::tempdir().unwrap();
