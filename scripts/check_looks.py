@@ -25,7 +25,7 @@ from pathlib import Path
 import numpy as np
 
 ROOT = Path(__file__).resolve().parent.parent
-CLOTHS = ("satin", "denim", "organza", "flannel")
+CLOTHS = ("satin", "denim", "organza")
 LUMINANCE = np.array([0.212639, 0.715169, 0.072192])
 # Pixels a side, radius of ball and folds [m], length of cloth in a unit of texture coordinates [m].
 SIDE, RADIUS, UV = 128, 0.05, 0.1
@@ -373,7 +373,7 @@ def page(pairs, path):
     """Writes pictures of ball and folds, with light in front and behind: a cloth's programs side by side."""
     from PIL import Image, ImageDraw
 
-    names = ("ball_front1", "fold_warp+50", "fold_weft+50", "drape_front", "drape_back")
+    names = ("ball_front1", "fold_warp-50", "fold_weft-50", "drape_front", "drape_back")
     tiles = [(cloth, program, pictures) for cloth, shown in pairs for program, pictures in shown.items()]
     sheet = Image.new("RGB", (len(names) * (SIDE + 4) + 90, len(tiles) * (SIDE + 4)), "white")
     draw = ImageDraw.Draw(sheet)
