@@ -112,6 +112,8 @@ const INDICES: [f64; 5] = [1.25, 1.4, 1.6, 1.9, 2.4];
 /// Largest share of the light below Mitsuba's glossy lobe that is reflected diffusely without a penalty, so
 /// that light which goes through has its place.
 const MITSUBA_DIFFUSE: f64 = 0.6;
+/// Least share of the cloth's reflected light, from all views, that OpenPBR has.
+const LEAST_ENERGY: f64 = 0.89;
 /// Light that a material may transmit beyond the cloth's, of light from all views.
 const EXCESS: f64 = 0.02;
 /// Largest color without a penalty.
@@ -483,6 +485,15 @@ impl Material {
             let excess = EXCESS / (presence * of_view / views.len() as f64);
             let factor = ((want + excess) / got.max(1e-12)).min(1.0);
             through[0] = through[0].map(|v| factor * v);
+        }
+        // Pictures show little of light at a slant; the energy of OpenPBR, which no picture of its own
+        // renderer holds, is kept near the cloth's as well.
+        if engine == Engine::OpenPbr {
+            let sum = |of: &dyn Fn(&Row) -> f64| rows.iter().map(of).sum::<f64>();
+            let want = sum(&|r| r.0[0].iter().map(|f| luminance(*f)).sum());
+            let got = sum(&|r| r.1.iter().map(|p| luminance(light(p, &colors))).sum());
+            let factor = (LEAST_ENERGY * want / got.max(1e-12)).max(1.0);
+            colors.iter_mut().flatten().for_each(|c| *c *= factor);
         }
         // The fit may give some views more light than comes in.
         let largest = total(&colors, &through);

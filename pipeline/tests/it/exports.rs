@@ -389,15 +389,15 @@ fn reports_have_standard_errors_and_say_what_they_assume() {
 #[ignore = "slow: 25 s: four fits"]
 fn materials_look_like_the_cloth() {
     let options = ExportOptions { pixels: 16, ..ExportOptions::default() };
-    for (format, name, behind) in [
-        (Format::OpenPbr, "o.mtlx", 0.55),
-        (Format::Gltf, "o.glb", 0.55),
-        (Format::Mitsuba, "o.xml", 0.55),
-        (Format::Blender, "o.py", 0.1),
+    for (format, name, front, behind) in [
+        (Format::OpenPbr, "o.mtlx", 0.15, 0.55),
+        (Format::Gltf, "o.glb", 0.07, 0.55),
+        (Format::Mitsuba, "o.xml", 0.07, 0.55),
+        (Format::Blender, "o.py", 0.07, 0.1),
     ] {
         let out = exported(format, name, &options);
         let fact = |name: &str| out.facts.iter().find(|(fact, _)| *fact == name).unwrap().1;
-        assert!(fact("mean_color_off_in_front") < 0.07, "{format:?}: {:?}", out.facts);
+        assert!(fact("mean_color_off_in_front") < front, "{format:?}: {:?}", out.facts);
         assert!(fact("mean_color_off_behind") < behind, "{format:?}: {:?}", out.facts);
         let ratio = |what: &str| fact(&format!("{what}_of_the_material")) / fact(&format!("{what}_of_the_cloth"));
         assert!((0.75..1.1).contains(&ratio("reflectance")), "{format:?}: {:?}", out.facts);
