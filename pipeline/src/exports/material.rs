@@ -113,7 +113,7 @@ const INDICES: [f64; 5] = [1.25, 1.4, 1.6, 1.9, 2.4];
 /// that light which goes through has its place.
 const MITSUBA_DIFFUSE: f64 = 0.6;
 /// Least share of the cloth's reflected light, from all views, that OpenPBR has.
-const LEAST_ENERGY: f64 = 0.89;
+const LEAST_ENERGY: f64 = 0.87;
 /// Light that a material may transmit beyond the cloth's, of light from all views.
 const EXCESS: f64 = 0.02;
 /// Largest color without a penalty.
