@@ -90,6 +90,11 @@ impl Format {
         }
     }
 
+    /// Text by which each file of the format names its origin.
+    fn mark(self) -> String {
+        format!("plywave export: {}", self.name())
+    }
+
     /// The format with this name.
     pub fn named(name: &str) -> Option<Format> {
         Format::ALL.into_iter().find(|format| format.name() == name)
@@ -364,7 +369,7 @@ pub fn export(
 
 /// Text by which a file names its origin.
 fn made_by(format: Format) -> String {
-    format!("Made by {}, version {}.", outputs::mark(format), env!("CARGO_PKG_VERSION"))
+    format!("Made by {}, version {}.", format.mark(), env!("CARGO_PKG_VERSION"))
 }
 
 /// Note on the effect of balancing a matrix.
@@ -487,7 +492,7 @@ fn swatch(
         let files = made.into_iter().map(|(name, bytes)| (at(name), bytes)).collect();
         return Ok(Exported { files, notes, facts });
     }
-    let made_by = outputs::mark(format);
+    let made_by = format.mark();
     let made = openpbr::TextureFiles::new(openpbr::texture_names(&stem), &made_by, &maps, &material, &textures)?;
     // On a USD swatch, texture coordinates count repeats.
     let mm_per_uv = if format == Format::Usd { None } else { Some(options.mm_per_uv) };

@@ -9,7 +9,6 @@ use super::Format;
 use super::lobes::FORWARD_WIDTH;
 use super::maps::{Maps, Texel};
 use super::material::{Material, RELIEF};
-use super::outputs::mark;
 use super::textures::{Textures, by_kind, byte, packed, png_8, png_16, srgb};
 use crate::error::Error;
 use serde_json::json;
@@ -46,7 +45,7 @@ pub fn blender(
     (repeats, mm_per_uv): ([u32; 2], f64),
     notes: &[String],
 ) -> Result<Vec<(String, Vec<u8>)>, Error> {
-    let (size, made_by) = (maps.size, &mark(Format::Blender));
+    let (size, made_by) = (maps.size, &Format::Blender.mark());
     let names = texture_names(stem);
     let colors = |of: &[[f32; 3]]| png_8(size, 3, &of.iter().flat_map(srgb).collect::<Vec<u8>>(), made_by);
     let one = |of: &dyn Fn(&Texel) -> f64| {

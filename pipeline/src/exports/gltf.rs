@@ -9,7 +9,6 @@
 use super::Format;
 use super::maps::Maps;
 use super::material::{Material, RELIEF};
-use super::outputs::mark;
 use super::textures::{Textures, byte, packed, png_8, png_16};
 use crate::error::Error;
 use plywave::color::srgb_encode;
@@ -33,7 +32,7 @@ pub fn glb(
     repeats: [u32; 2],
     notes: &[String],
 ) -> Result<Vec<u8>, Error> {
-    let (size, made_by) = (maps.size, &mark(Format::Gltf));
+    let (size, made_by) = (maps.size, &Format::Gltf.mark());
     let [roughness, strength] = gltf_gloss(material.shape.widths[0]);
     let is_open = material.presence < 0.999;
     // Transmitted diffuse light has a color of its own; the base color is for both parts.

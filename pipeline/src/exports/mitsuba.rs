@@ -7,7 +7,6 @@ use super::Format;
 use super::maps::Maps;
 use super::material::{Material, RELIEF};
 use super::openpbr::identifier;
-use super::outputs::mark;
 use super::textures::{Textures, byte, packed, png_8, png_16, srgb};
 use super::window_xml::escaped;
 use crate::error::Error;
@@ -43,7 +42,7 @@ pub fn mitsuba(
     mm_per_uv: f64,
     notes: &[String],
 ) -> Result<Vec<(String, Vec<u8>)>, Error> {
-    let (size, made_by) = (maps.size, &mark(Format::Mitsuba));
+    let (size, made_by) = (maps.size, &Format::Mitsuba.mark());
     let names = texture_names(stem);
     let colors = |of: &[[f32; 3]]| png_8(size, 3, &of.iter().flat_map(srgb).collect::<Vec<u8>>(), made_by);
     let flattened = |n: [f32; 3]| {

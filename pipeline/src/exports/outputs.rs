@@ -11,11 +11,6 @@ const HEAD: u64 = 1 << 16;
 /// Start of a report's CSV, which identifies it in place of a mark.
 pub const CSV_HEAD: &str = "side,tilt_deg,azimuth_deg";
 
-/// Text by which each file of a format names its origin.
-pub fn mark(format: Format) -> String {
-    format!("plywave export: {}", format.name())
-}
-
 /// Ending of a path, in lower case.
 pub fn ending(path: &Path) -> String {
     path.extension().map(|e| e.to_string_lossy().to_ascii_lowercase()).unwrap_or_default()
@@ -76,7 +71,7 @@ impl Format {
         let mut head = Vec::new();
         let read = plywave::io::open_file(path, u64::MAX)?.take(HEAD).read_to_end(&mut head);
         read.map_err(|source| plywave::Error::Io { file: path.display().to_string(), source })?;
-        let mark = mark(self);
+        let mark = self.mark();
         let is_own = head.windows(mark.len()).any(|part| part == mark.as_bytes())
             || self == Format::Report && ending(path) == "csv" && head.starts_with(CSV_HEAD.as_bytes());
         Ok((!is_own).then(|| path.to_path_buf()))

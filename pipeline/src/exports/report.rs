@@ -7,7 +7,7 @@
 
 use super::Format;
 use super::mean::{BATCHES, Bands, Energies, Estimate, MeanCloth, Spectrum, diffuse};
-use super::outputs::{CSV_HEAD, mark};
+use super::outputs::CSV_HEAD;
 use super::window_xml::escaped;
 use serde::Serialize;
 use std::fmt::Write;
@@ -173,7 +173,7 @@ impl Report {
         let rows = views.iter().map(|view| row(Some(*view), view.is_face)).collect::<Result<Vec<_>, _>>()?;
         let upf = upf.filter(|_| cloth.beyond().uv_per_um.is_some());
         Ok(Report {
-            made_by: mark(Format::Report),
+            made_by: Format::Report.mark(),
             cloth: name.into(),
             program_version: env!("CARGO_PKG_VERSION").into(),
             samples: samples.div_ceil(BATCHES) * BATCHES,

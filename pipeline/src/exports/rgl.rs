@@ -11,7 +11,6 @@
 
 use super::Format;
 use super::mean::{Bands, MeanCloth, NODES, Spectrum, lambda_um};
-use super::outputs::mark;
 use super::tensor_file::{Field, bytes};
 use crate::error::Error;
 use crate::run::Run;
@@ -145,7 +144,7 @@ pub fn rgl(cloth: &MeanCloth, name: &str, size: RglSize, is_spectral: bool, run:
     let single = |v: &[f64]| v.iter().map(|v| *v as f32).collect::<Vec<f32>>();
     let (p, t) = (size.phi_i, size.theta_i);
     let mut fields = vec![
-        Field::bytes("description", format!("{name} ({})", mark(Format::Rgl)).into_bytes()),
+        Field::bytes("description", format!("{name} ({})", Format::Rgl.mark()).into_bytes()),
         Field::bytes("jacobian", vec![1u8]),
         Field::f32("phi_i", &[p], single(&phi_i)),
         Field::f32("theta_i", &[t], single(&theta_i)),
