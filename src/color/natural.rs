@@ -8,8 +8,8 @@
 //!
 //! - Cellulose: cellulose powder, 0.891, 0.942, 0.960 and 0.964 at 450, 550, 650 and 850 nm (USGS splib07a,
 //!   public domain). It is a lower bound: raw cotton and flax, not bleached, are yellower.
-//! - Wool: base color of scoured merino, Y 65 and Y - Z 8 (D65, 10 degrees; sold wools have Y of 60 to 70 and
-//!   Y - Z of 7 to 10), as reflectances of 0.53, 0.65 and 0.72. It is typical; lots differ by a third in K/S.
+//! - Wool: an assumption about scoured merino, Y 65 and Y - Z 8 (D65, 10 degrees), as reflectances of 0.53,
+//!   0.65 and 0.72; no spectrum is at hand.
 //! - Silk: no spectrum is at hand. Degummed silk is yellower than cellulose and whiter than wool; its K/S is
 //!   the geometric mean of these bounds, which are a factor of 5 to 8 away.
 
