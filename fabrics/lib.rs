@@ -83,3 +83,9 @@ pub static SPECS: &[(&str, &[u8])] = files![
 
 /// Specs of the plies of the models that ship, by name, as a JSON object.
 pub static PLIES: &str = include_str!("models/plies.json");
+
+/// Families of bundles from which `plywave swatch` takes the models of yarns, by name.
+pub static FAMILIES: &[(&str, &[u8])] = &[
+    ("cotton_bundle", include_bytes!("families/cotton_bundle.pwfam")),
+    ("polyester_bundle", include_bytes!("families/polyester_bundle.pwfam")),
+];

@@ -75,6 +75,6 @@ pub fn check_inputs(command: &Command) -> Outcome {
             WaveCommand::Speckle(args) => one(&args.spec, &[Yarn]),
             WaveCommand::Tabulate(args) => one(&args.spec, &[Yarn, WaveScene]),
         },
-        Command::Completions(_) | Command::Man(_) | Command::New(_) => Ok(()),
+        Command::Completions(_) | Command::Man(_) | Command::New(_) | Command::Swatch(_) => Ok(()),
     }
 }

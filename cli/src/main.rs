@@ -48,6 +48,7 @@ fn main() -> ExitCode {
         Command::Twin(args) => commands::make::twin::run(&cli, args),
         Command::View(args) => commands::look::view::run(&cli, args),
         Command::New(args) => commands::make::new::run(&cli, args),
+        Command::Swatch(args) => commands::make::swatch::run(&cli, args),
         Command::Weave(args) => commands::make::weave::run(&cli, args),
         Command::Completions(args) => commands::shell::completions(args),
         Command::Man(args) => commands::shell::man(&cli, args),

@@ -9,7 +9,7 @@
 //! ```
 //!
 //! A [`ClothRecipe`] precomputes the cloth of a cloth spec, or loads it from the cache. [`exports`] writes a
-//! cloth for other programs.
+//! cloth for other programs. [`swatch`] fits a cloth spec to two photographs.
 //!
 //! ```no_run
 //! use plywave::Document;
@@ -34,6 +34,7 @@ mod recipe;
 mod run;
 mod shipped;
 mod stages;
+pub mod swatch;
 
 pub use build::{Built, Times, build};
 pub use cache::{cloth_cache, digest_of_bytes, digest_of_file};

@@ -10,7 +10,7 @@ Angles are in radians, lengths in um, absorption in 1/um, densities in 1/sr. `Mo
 """
 
 from ._plywave import RGB_LAMBDA_UM, Error, __version__
-from ._results import ABSORBED, SCATTERED, STRAIGHT, Exported, Layer, Outcomes, Place, Samples, Slit, Terms
+from ._results import ABSORBED, SCATTERED, STRAIGHT, Exported, Layer, Outcomes, Place, Samples, Slit, Swatch, Terms
 from ._threads import get_threads, set_threads
 from ._files import Document, Speckle, Table, Twin
 from ._model import Model
@@ -20,6 +20,7 @@ from ._load import load
 from ._cloth import Cloth, weave
 from ._work import CheckLine, CheckReport, build, check, fit, simulate
 from ._plot import plot
+from ._swatch import swatch
 from . import wave
 
 __all__ = [
@@ -42,6 +43,7 @@ __all__ = [
     "Samples",
     "Slit",
     "Speckle",
+    "Swatch",
     "Table",
     "Terms",
     "Twin",
@@ -55,6 +57,7 @@ __all__ = [
     "plot",
     "set_threads",
     "simulate",
+    "swatch",
     "wave",
     "weave",
 ]

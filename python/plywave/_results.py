@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, Dict, List, NamedTuple
+from typing import Any, Dict, List, NamedTuple, Tuple
 
 import numpy as np
 
@@ -61,6 +61,19 @@ class Exported(NamedTuple):
     """What is assumed and what the format leaves out, one line each."""
     facts: Dict[str, float]
     """Numbers by name."""
+
+
+class Swatch(NamedTuple):
+    """A cloth that `swatch` fitted to photographs."""
+
+    spec: str
+    """The cloth spec with a bar at each number, for `Cloth`, `weave` and the program."""
+    numbers: Dict[str, Tuple[float, float]]
+    """Values and standard deviations by name; names end in units, as in the program's report."""
+    report: Dict[str, Any]
+    """The program's report: weaves with probabilities, figures of photographs and fit, notes."""
+    picture: bytes
+    """A PNG: photographs above, the fit below; front on the left, lamp behind on the right."""
 
 
 class Slit(NamedTuple):

@@ -14,6 +14,7 @@ mod files;
 mod kernel_calls;
 mod model;
 mod shards;
+mod swatch;
 mod tensors;
 mod watch;
 mod work;
@@ -38,6 +39,7 @@ fn _plywave(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(files::write_file, module)?)?;
     module.add_function(wrap_pyfunction!(files::toml_of_json, module)?)?;
     module.add_function(wrap_pyfunction!(check::check, module)?)?;
+    module.add_function(wrap_pyfunction!(swatch::swatch, module)?)?;
     module.add_function(wrap_pyfunction!(work::build, module)?)?;
     module.add_function(wrap_pyfunction!(work::simulate, module)?)?;
     module.add_function(wrap_pyfunction!(work::fit, module)?)?;

@@ -405,6 +405,8 @@ fn degrees_are_where_people_read_them() {
     let people = [
         "cli/src",
         "pipeline/src/exports",
+        "pipeline/src/swatch/geometry.rs",
+        "pipeline/src/swatch/report.rs",
         "sim/wave/src/scene",
         "sim/wave/src/jobs",
         "sim/wave/src/error.rs",

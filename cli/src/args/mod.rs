@@ -10,6 +10,7 @@ mod new;
 mod plot;
 mod render;
 mod shell;
+mod swatch;
 mod twin;
 mod view;
 mod wave;
@@ -24,6 +25,7 @@ pub use new::*;
 pub use plot::*;
 pub use render::*;
 pub use shell::*;
+pub use swatch::*;
 pub use twin::*;
 pub use view::*;
 pub use wave::*;
@@ -110,6 +112,9 @@ pub enum Command {
     New(NewArgs),
     /// Weave or knit a cloth: cloth spec (TOML) in, its measures, and a cloth (.pwc) or its curves out.
     Weave(WeaveArgs),
+    /// Fit a cloth to photographs of a swatch, from the front and with a lamp behind: pictures (PNG) in, a
+    /// cloth spec (TOML) with error bars out.
+    Swatch(SwatchArgs),
     /// Write the hairs of a cloth as curves: cloth spec (TOML) or cloth (.pwc) in, and a mesh (OBJ) to put
     /// them on; Mitsuba's text of curves out.
     Hairs(HairsArgs),

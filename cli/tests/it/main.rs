@@ -28,6 +28,7 @@ mod progress;
 mod resume;
 mod shell;
 mod strands;
+mod swatch;
 mod threads;
 mod twin;
 mod view;

@@ -23,7 +23,7 @@ pub fn recipe(file: &Path) -> Outcome<ClothRecipe> {
 }
 
 /// Runs `work`, which tells its steps, on the number of threads that --threads gives.
-fn with_progress<T: Send>(
+pub fn with_progress<T: Send>(
     cli: &Cli,
     work: impl FnOnce(&Run<'_>) -> Result<T, plywave_pipeline::Error> + Send,
 ) -> Outcome<T> {

@@ -9,5 +9,6 @@ pub mod fit;
 pub mod merge;
 pub mod new;
 pub mod simulate;
+pub mod swatch;
 pub mod twin;
 pub mod weave;
