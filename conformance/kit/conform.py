@@ -1,0 +1,119 @@
+#!/usr/bin/env python3
+"""Runs the conformance kit on a renderer's adapter and prints a table (docs/howto/conformance.md). Needs numpy.
+
+    python3 conformance/kit/conform.py "python3 conformance/kit/reference.py"
+    python3 conformance/kit/conform.py COMMAND --markdown OUT.md --html OUT.html --model NAME --only CHECK --fast
+
+Ends with 1 where a check fails.
+"""
+import argparse
+import html
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+
+sys.path.insert(0, str(Path(__file__).resolve().parent))
+import checks
+import truth  # noqa: F401  (registers its checks)
+from pipe import Pipe
+
+
+def applies(model, claims, kinds):
+    return model["kind"] in kinds and claims <= set(model.get("claims", []))
+
+
+def run_model(adapter, model, fast=False, only=None, stop=False, seed=1):
+    """Results of all checks that apply: dicts of check, value, limit, where, count, failed."""
+    subject, results = checks.Subject(adapter, model, fast, seed), []
+    for name, claims, kinds, function in checks.CHECKS:
+        if not applies(model, claims, kinds) or (only and only not in name):
+            continue
+        worst, count, failed, begun = None, 0, 0, time.time()
+        try:
+            with np.errstate(all="ignore"):
+                for value, limit, where in function(subject):
+                    value = float(value)
+                    ratio = np.inf if np.isnan(value) else value / limit if limit > 0.0 else (np.inf if value > 0.0 else 0.0)
+                    count, failed = count + 1, failed + (ratio > 1.0)
+                    if worst is None or ratio > worst[0]:
+                        worst = (ratio, value, limit, where)
+                    if stop and failed:
+                        break
+        except RuntimeError as error:
+            worst, count, failed = (np.inf, np.nan, 0.0, str(error)), count + 1, failed + 1
+        if count:
+            _, value, limit, where = worst
+            row = dict(check=name, value=value, limit=limit, where=where, count=count, failed=failed)
+            results.append({**row, "seconds": time.time() - begun})
+        if stop and failed:
+            break
+    return results
+
+
+def cells(r):
+    state = "passes" if not r["failed"] else f"FAILS {r['failed']} of {r['count']}"
+    return [r["check"], state, str(r["count"]), f"{r['value']:.3g}", f"{r['limit']:.3g}", r["where"]]
+
+
+HEAD = ["check", "result", "asked", "worst", "limit", "where"]
+
+
+def markdown(described, tables):
+    lines = [f"## {described['name']} {described['version']}", ""]
+    for model, results in tables:
+        lines += [f"### {model['name']}", "", "| " + " | ".join(HEAD) + " |", "|---" * len(HEAD) + "|"]
+        lines += ["| " + " | ".join(cells(r)) + " |" for r in results] + [""]
+    return "\n".join(lines)
+
+
+def page(described, tables):
+    """An HTML page: the same tables, with a bar of value over limit on a log scale."""
+    out = [f"<!doctype html><meta charset=utf-8><title>{html.escape(described['name'])}</title>"]
+    out.append("<style>body{font:14px sans-serif;margin:2em}td,th{padding:.2em .6em;text-align:left}"
+               ".f{color:#b00020}.bar{height:.7em;background:#4a7}.f .bar{background:#b00020}</style>")
+    out.append(f"<h1>{html.escape(described['name'])} {html.escape(described['version'])}</h1>")
+    for model, results in tables:
+        out.append(f"<h2>{html.escape(model['name'])}</h2><table><tr>" + "".join(f"<th>{h}" for h in HEAD + ["worst / limit, log"]))
+        for r in results:
+            ratio = r["value"] / r["limit"] if r["limit"] > 0 else (0.0 if r["value"] == 0 else 1e3)
+            width = 100.0 + 25.0 * np.log10(np.clip(ratio, 1e-4, 1e4)) if np.isfinite(ratio) else 200.0
+            row = "".join(f"<td>{html.escape(c)}" for c in cells(r))
+            out.append(f"<tr{' class=f' if r['failed'] else ''}>{row}<td><div class=bar style='width:{width:.0f}px'></div>")
+        out.append("</table><p>A bar of 100 px is at the limit; 25 px are a factor of 10.")
+    return "\n".join(out)
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("command", help="the adapter's command")
+    parser.add_argument("--fast", action="store_true", help="fewer cases, samples and nodes")
+    parser.add_argument("--model", help="only models whose name has this in it")
+    parser.add_argument("--only", help="only checks whose name has this in it")
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--markdown", type=Path)
+    parser.add_argument("--html", type=Path)
+    args = parser.parse_args()
+    adapter = Pipe(args.command)
+    described, tables = adapter.describe(), []
+    for model in described["models"]:
+        if not args.model or args.model in model["name"]:
+            results = run_model(adapter, model, args.fast, args.only, seed=args.seed)
+            tables.append((model, results))
+            print(f"\n{described['name']} {described['version']}: {model['name']}")
+            for r in results:
+                c = cells(r)
+                print(f"  {c[0]:26} {c[1]:18} {c[3]:>9} of {c[4]:>8}  {r['seconds']:5.1f} s  {c[5]}")
+    adapter.close()
+    if args.markdown:
+        args.markdown.write_text(markdown(described, tables))
+    if args.html:
+        args.html.write_text(page(described, tables))
+    if not tables:
+        sys.exit(f"--model {args.model}: none of {[m['name'] for m in described['models']]}")
+    return int(any(r["failed"] for _, results in tables for r in results))
+
+
+if __name__ == "__main__":
+    sys.exit(main())
