@@ -10,8 +10,8 @@ from sphere import Grid, chi_square, direction
 
 # Integrals. Sums of 32-bit floats over the grid round to 1e-5; published series for I_0 are good to 1e-4.
 INTEGRAL = 1e-3
-# Pointwise equality of two evaluations in 32-bit floats at directions that are themselves rounded: a logistic or
-# Gaussian of width 0.05 has slopes of 20 to 60 per radian, and directions are good to 1e-6 near the pole of theta.
+# Pointwise equality of two evaluations in 32-bit floats at directions that are themselves rounded: a lobe of
+# width 0.05 has slopes of 20 to 60 per radian, and directions are good to 1e-6 near the pole of theta.
 POINT = 1e-3
 CHECKS = []
 
@@ -184,7 +184,8 @@ def weight(s):
         d = s.drawn(q)
         hit = d["pdf"] > 0.0
         if not hit.any():
-            yield 1.0, POINT, place(q)
+            # A black model scatters nothing: then f must be 0.
+            yield float(np.sum(s.integral(q)[0])), POINT, place(q)
             continue
         wo, pdf, w = d["wo"][hit], d["pdf"][hit], d["weight"][hit]
         f, again = s.eval(q, wo), np.asarray(s.adapter.pdf(q, wo), float)

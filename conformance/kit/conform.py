@@ -61,11 +61,23 @@ HEAD = ["check", "result", "asked", "worst", "limit", "where"]
 
 
 def markdown(described, tables):
-    lines = [f"## {described['name']} {described['version']}", ""]
-    for model, results in tables:
-        lines += [f"### {model['name']}", "", "| " + " | ".join(HEAD) + " |", "|---" * len(HEAD) + "|"]
-        lines += ["| " + " | ".join(cells(r)) + " |" for r in results] + [""]
-    return "\n".join(lines)
+    """A table of checks by models, and a line for each check that fails, with its worst query."""
+    names = list(dict.fromkeys(r["check"] for _, results in tables for r in results))
+    found = {(model["name"], r["check"]): r for model, results in tables for r in results}
+    lines = ["| check | " + " | ".join(f"`{model['name']}`" for model, _ in tables) + " |", "|---" * (len(tables) + 1) + "|"]
+    for name in names:
+        row = [found.get((model["name"], name)) for model, _ in tables]
+        lines.append("| " + " | ".join([name] + ["" if r is None else entry(r) for r in row]) + " |")
+    lines += ["", f"{described['name']} {described['version']}; value of the worst query, and its limit in parentheses.", ""]
+    for (model, name), r in found.items():
+        if r["failed"]:
+            lines.append(f"- `{model}`, {name}: {r['value']:.3g} of {r['limit']:.3g} at `{r['where']}`")
+    return "\n".join(lines) + "\n"
+
+
+def entry(r):
+    text = f"{r['value']:.2g} ({r['limit']:.2g})"
+    return f"**misses {r['failed']} of {r['count']}**: {text}" if r["failed"] else text
 
 
 def page(described, tables):
@@ -101,7 +113,7 @@ def main():
         if not args.model or args.model in model["name"]:
             results = run_model(adapter, model, args.fast, args.only, seed=args.seed)
             tables.append((model, results))
-            print(f"\n{described['name']} {described['version']}: {model['name']}")
+            print(f"\n{described['name']} {described['version']}: {model['name']}", flush=True)
             for r in results:
                 c = cells(r)
                 print(f"  {c[0]:26} {c[1]:18} {c[3]:>9} of {c[4]:>8}  {r['seconds']:5.1f} s  {c[5]}")

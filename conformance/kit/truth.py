@@ -84,7 +84,7 @@ def path(s):
 
 def moments(s, q):
     """Energy and mean of (cos phi, sin phi, sin theta) of each lobe, phi from wi."""
-    f = s.on_grid(q)
+    f = s.on_grid(q).reshape(len(s.grid.wo), -1)
     phi = s.grid.phi - np.arctan2(q["wi"][1], q["wi"][0])
     energy = s.grid.integral(f)
     means = [s.grid.integral(f * x[:, None]) / energy for x in (np.cos(phi), np.sin(phi), s.grid.wo[:, 2])]
@@ -96,18 +96,23 @@ def azimuths(s):
     """The circular mean of each lobe's azimuth is where the traced ray of that order leaves.
 
     A lobe symmetric about its center, wrapped around the circle, has its circular mean there, whatever its width.
-    Lobes with more than 1e-4 of the light. Limit: 2 INTEGRAL over the length of the mean vector."""
-    if not s.model.get("lobes"):
-        return
+    Lobes with more than 1e-4 of the light. Limit: 2 INTEGRAL over the length of the mean vector. A model that answers
+    one sum is asked at tau = 5, where R is most of the light: the other lobes turn the mean by asin(others / R) at
+    most, over the length of R's mean vector, for which 0.5 is taken."""
+    split = s.model.get("lobes")
     for row in thinned(s, rows("cylinder_near"), 7):
-        if not inside(s, eta=row["eta"]):
+        if not inside(s, eta=row["eta"], tau=5.0):
             continue
-        q = s.query(direction(np.radians(row["theta_deg"]), 0.7), row["h"], "near", eta=row["eta"])
-        energy, (cos, sin, _) = moments(s, q)
-        for p in range(3):
-            if row["energy"]["0.0"][p] > 1e-4:
+        a = row["energy"]["0.0" if split else "5.0"]
+        wi, narrow = direction(np.radians(row["theta_deg"]), 0.7), {"beta_n": s.ranges["beta_n"][0]} if s.has("beta_n") else {}
+        q = s.query(wi, row["h"], "near", eta=row["eta"], tau=0.0 if split else 5.0, **({} if split else narrow))
+        _, (cos, sin, _) = moments(s, q)
+        for p in range(3 if split else 1):
+            others = 0.0 if split else 2.0 * sum(a[1:]) / a[0]
+            if a[p] > 1e-4 and others < 0.5:
                 off = abs((np.arctan2(sin[p], cos[p]) - row["phi"][p] + np.pi) % (2.0 * np.pi) - np.pi)
-                yield off, 2.0 * INTEGRAL / max(np.hypot(cos[p], sin[p]), 1e-3), f"{NAMES[p]} {place(q)}"
+                limit = 2.0 * INTEGRAL / max(np.hypot(cos[p], sin[p]), 1e-3) + np.arcsin(others)
+                yield off, limit, f"{NAMES[p]} {place(q)}"
 
 
 def kappa_mean(v):

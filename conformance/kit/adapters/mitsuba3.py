@@ -24,10 +24,11 @@ def rgb(value):
 
 
 def hair(p):
-    # Its sigma_a is per radius; tau is over the diameter. Its tilt is in degrees.
+    # Its sigma_a is per radius; tau is over the diameter. Its tilt is in degrees, and positive tilts shift R
+    # along +y, so that y points to the root (as in pbrt); the kit's z points to the tip.
     return {
         "type": "hair", "int_ior": p["eta"], "ext_ior": 1.0, "sigma_a": rgb(0.5 * p["tau"]),
-        "scale_tilt": p["alpha"] * DEGREE, "longitudinal_roughness": p["beta_m"], "azimuthal_roughness": p["beta_n"],
+        "scale_tilt": -p["alpha"] * DEGREE, "longitudinal_roughness": p["beta_m"], "azimuthal_roughness": p["beta_n"],
     }
 
 
@@ -62,7 +63,7 @@ def rough_plastic(p):
 
 
 BETA = [0.15, 1.0, 0.3]
-# Maker, kind, fields, parameters [low, high, default], claims. What a plugin's page does not claim is not listed.
+# Maker, kind, fields, parameters [low, high, default], claims that follow from a plugin's page.
 MODELS = {
     "hair": (hair, "fiber", ["near"], {"eta": [1.1, 2.0, 1.55], "tau": [0.0, 5.0, 0.0], "alpha": [-0.1, 0.1, 0.0], "beta_m": BETA, "beta_n": BETA},
              ["lossless", "smooth_cylinder", "chiang", "circular"]),
@@ -98,7 +99,7 @@ class Mitsuba:
         return 0.5 * np.pi - (np.arctan2(q["wi"][1], q["wi"][0]) + np.arcsin(np.clip(q["h"], -1.0, 1.0)))
 
     def local(self, q, w):
-        """Directions in the plugin's frame: y along the fiber, z its normal; a surface has the kit's own frame."""
+        """Directions in the plugin's frame: y along the fiber, z its normal; a surface's is the kit's own."""
         w = np.asarray(w, float).reshape(-1, 3)
         if MODELS[q["model"]][1] == "surface":
             return w
