@@ -93,7 +93,8 @@ def orders(theta, phi, h, eta, count, a=1.0, b=1.0):
     return found
 
 
-# Rough interfaces: the random walk on a Smith surface with GGX slopes and uniform heights, which loses no light
+# Rough interfaces: the random walk on a Smith surface with GGX slopes and uniform heights, which
+# loses no light
 # (Heitz, Hanika, d'Eon and Dachsbacher 2016, "Multiple-Scattering Microfacet BSDFs with the Smith Model").
 
 
