@@ -2,13 +2,13 @@
 //!
 //! One photograph shows the face, lit from the front; one has a lamp behind the cloth. The stages:
 //!
-//! 1. [`spectrum`]: weave and sett from the spectra of both pictures.
-//! 2. [`table`]: cloths of several counts and twists are woven, and the mean light of blocks of both pictures
+//! 1. `spectrum`: weave and sett from the spectra of both pictures.
+//! 2. `table`: cloths of several counts and twists are woven, and the mean light of blocks of both pictures
 //!    is tabulated over roughness and absorption, with ply models from a family.
-//! 3. [`fit`]: L-BFGS-B fits count, twist, roughness and absorption to the blocks, under priors of textile
+//! 3. `fit`: L-BFGS-B fits count, twist, roughness and absorption to the blocks, under priors of textile
 //!    tables, with error bars.
-//! 4. [`uneven`]: unevenness of the yarns and the lens's blur from the contrast of small squares.
-//! 5. [`report`]: the spec, the numbers with their bars, and the fit's picture beside the photographs.
+//! 4. `uneven`: unevenness of the yarns and the lens's blur from the contrast of small squares.
+//! 5. `report`: the spec, the numbers with their bars, and the fit's picture beside the photographs.
 
 mod cloths;
 mod fit;
