@@ -3,14 +3,10 @@
 use crate::errors::Outcome;
 use crate::watch::watched;
 use crate::work::RunArgs;
-use plywave::io;
 use plywave_pipeline::swatch::{Photo, SwatchGeometry, SwatchInputs, SwatchWords, fit_swatch};
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
-use std::path::{Path, PathBuf};
-
-/// Largest photograph, and largest geometry file [bytes].
-const MOST_BYTES: [u64; 2] = [256 << 20, 1 << 20];
+use std::path::PathBuf;
 
 /// What the user says of a swatch.
 #[derive(FromPyObject)]
@@ -23,10 +19,6 @@ pub(crate) struct SwatchArgs {
     ends_per_cm: Option<f64>,
     picks_per_cm: Option<f64>,
     count: Option<String>,
-}
-
-fn photo(path: &Path) -> Outcome<Photo> {
-    Ok(Photo::from_png(&io::read_file(path, MOST_BYTES[0])?, &path.display().to_string())?)
 }
 
 /// Fits a cloth to two photographs: the report as JSON, the cloth spec, and the bytes of a PNG of the fit.
@@ -49,11 +41,11 @@ pub(crate) fn swatch<'py>(
     let known = words.known("swatch", &|key| key.into())?;
     let geometry = match &args.geometry {
         None => SwatchGeometry::default(),
-        Some(path) => SwatchGeometry::parse(&io::read_text(path, MOST_BYTES[1])?, &path.display().to_string())?,
+        Some(path) => SwatchGeometry::load(path)?,
     };
     let fit = watched(py, run.threads, run.progress, |watch| {
         watch.run([None, None], |run| {
-            let inputs = SwatchInputs { photos: [photo(&front)?, photo(&back)?], geometry, known };
+            let inputs = SwatchInputs { photos: [Photo::load(&front)?, Photo::load(&back)?], geometry, known };
             Ok(fit_swatch(&inputs, run)?)
         })
     })?;

@@ -139,8 +139,10 @@ class Mitsuba:
         w = np.broadcast_to(np.array(weight)[0], n)
         wo = np.stack([np.broadcast_to(np.array(x), n) for x in (bs.wo.x, bs.wo.y, bs.wo.z)], axis=1)
         pdf = np.broadcast_to(np.array(bs.pdf), n)
-        # A sample whose weight is 0 is one that failed, such as a reflection below the horizon.
-        return {"wo": self.world(q, wo), "weight": w, "pdf": np.where(w > 0.0, pdf, 0.0)}
+        # A sample without weight where `pdf` is 0 is one that failed, such as a reflection below the horizon.
+        back = self.world(q, wo)
+        failed = (w == 0.0) & (self.pdf(q, back) == 0.0)
+        return {"wo": back, "weight": w, "pdf": np.where(failed, 0.0, pdf)}
 
 
 def vectors(w):

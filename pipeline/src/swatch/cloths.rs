@@ -52,7 +52,7 @@ fn probe(fiber: &str, tex: f64) -> Result<YarnOfCloth, Error> {
     let text = format!(
         "name = \"x\"\n[weave]\nkind = \"plain\"\nends_per_cm = 10\npicks_per_cm = 10\n[warp]\nfiber = \"{fiber}\"\ncount = \"{tex} tex\"\n[weft]\nas = \"warp\"\n"
     );
-    let spec = ClothSpec::parse(&text, "command line")?;
+    let spec = ClothSpec::parse(&text, FILE)?;
     spec.warp.ok_or_else(|| Error::Export { file: FILE.into(), what: "no warp".into() })
 }
 
@@ -65,8 +65,8 @@ impl SwatchFiber {
         let yarn = probe(name, 30.0)?;
         let invalid = |hint: &str| {
             Error::Runtime(plywave::Error::Invalid {
-                file: "command line".into(),
-                key: "--fiber".into(),
+                file: FILE.into(),
+                key: "fiber".into(),
                 value: name.into(),
                 hint: hint.into(),
             })

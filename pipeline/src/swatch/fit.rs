@@ -9,6 +9,7 @@
 use super::geometry::SwatchGeometry;
 use super::photo::{BLOCKS, Blocks, SIDE};
 use super::table::{LightTable, UNKNOWNS, of_sigma, sigma_range};
+use nalgebra::{SMatrix, SVector};
 use plywave_fit::{CostGradient, LbfgsbOptions, minimize};
 
 /// Nuisances of a picture: exposure, red, blue, vignetting, gradient across and down, with the standard
@@ -128,26 +129,6 @@ fn nuisances(block: usize, channel: usize) -> [f64; NUISANCES] {
     [1.0, of(0), of(2), 0.5 * (x * x + y * y), x, y]
 }
 
-/// Solves a symmetric positive system in place by Cholesky's method; the solution replaces `b`.
-pub(super) fn solve<const N: usize>(a: &mut [[f64; N]; N], b: &mut [f64; N]) {
-    for j in 0..N {
-        for k in 0..j {
-            let l = a[j][k];
-            for i in j..N {
-                a[i][j] -= a[i][k] * l;
-            }
-        }
-        let d = a[j][j].max(1e-300).sqrt();
-        (j..N).for_each(|i| a[i][j] /= d);
-    }
-    for i in 0..N {
-        b[i] = (b[i] - (0..i).map(|k| a[i][k] * b[k]).sum::<f64>()) / a[i][i];
-    }
-    for i in (0..N).rev() {
-        b[i] = (b[i] - (i + 1..N).map(|k| a[k][i] * b[k]).sum::<f64>()) / a[i][i];
-    }
-}
-
 /// What a cost is made of.
 pub struct Evaluated {
     /// The cost: half of the sum of squares over variances.
@@ -167,13 +148,13 @@ impl Cost<'_> {
         let (mut cost, mut squares, mut count) = (0.0, 0.0, 0.0);
         let mut exposures = [0.0; 2];
         for picture in 0..2 {
-            let (mut a, mut b) = ([[0.0; NUISANCES]; NUISANCES], [0.0; NUISANCES]);
+            let (mut a, mut b) = (SMatrix::<f64, NUISANCES, NUISANCES>::zeros(), SVector::<f64, NUISANCES>::zeros());
             for (k, sd) in NUISANCE_SD.iter().enumerate() {
-                a[k][k] = 1.0 / (sd * sd);
+                a[(k, k)] = 1.0 / (sd * sd);
             }
             if let (0, Some(exposure)) = (picture, self.data.exposure) {
-                a[0][0] = 1.0 / (WHITE_SD * WHITE_SD);
-                b[0] = exposure * a[0][0];
+                a[(0, 0)] = 1.0 / (WHITE_SD * WHITE_SD);
+                b[0] = exposure * a[(0, 0)];
             }
             let prior = (a, b);
             let each = |of: &mut dyn FnMut(usize, usize, f64, f64)| {
@@ -192,14 +173,13 @@ impl Cost<'_> {
             let bound = |block: usize| self.data.is_bound[picture * BLOCKS + block];
             each(&mut |block, c, w, r| {
                 if !bound(block) {
-                    let columns = nuisances(block, c);
-                    for i in 0..NUISANCES {
-                        (0..NUISANCES).for_each(|j| a[i][j] += w * columns[i] * columns[j]);
-                        b[i] += w * columns[i] * r;
-                    }
+                    let columns = SVector::from(nuisances(block, c));
+                    a += w * columns * columns.transpose();
+                    b += w * r * columns;
                 }
             });
-            solve(&mut a, &mut b);
+            // With the priors the matrix is positive.
+            let b = a.cholesky().map_or(b, |factor| factor.solve(&b));
             exposures[picture] = b[0];
             each(&mut |block, c, w, r| {
                 let columns = nuisances(block, c);
@@ -211,7 +191,7 @@ impl Cost<'_> {
                 count += w / per;
             });
             for k in 0..NUISANCES {
-                let precision = prior.0[k][k];
+                let precision = prior.0[(k, k)];
                 cost += 0.5 * precision * (b[k] - prior.1[k] / precision).powi(2);
             }
         }
@@ -265,7 +245,7 @@ pub struct SwatchSolution {
     /// Their standard deviations: the larger of those by curvature and by refits, with the model's errors.
     pub sd: [f64; UNKNOWNS],
     /// By the curvature of the cost.
-    pub curvature: [[f64; UNKNOWNS]; UNKNOWNS],
+    pub curvature: SMatrix<f64, UNKNOWNS, UNKNOWNS>,
     /// By refits to resampled parts.
     pub refits: Vec<[f64; UNKNOWNS]>,
     /// The cost.
@@ -335,54 +315,28 @@ pub fn fit_table(table: &LightTable, data: &SwatchData, priors: &[Prior; UNKNOWN
     let sd = std::array::from_fn(|k| {
         let squares: f64 = refits.iter().map(|other| (other[k] - x[k]).powi(2)).sum();
         let of_refits = squares / refits.len().max(1) as f64;
-        curvature[k][k].max(of_refits).sqrt().hypot(priors[k].model_sd).min(priors[k].sd)
+        curvature[(k, k)].max(of_refits).sqrt().hypot(priors[k].model_sd).min(priors[k].sd)
     });
     Some(SwatchSolution { x, sd, curvature, refits, cost: value, unlikely, rms, exposures, evaluations })
 }
 
 /// The inverse of the cost's matrix of second derivatives; directions that curve less than the priors do
 /// get the priors' curvature.
-fn covariance(cost: &Cost<'_>, x: &[f64; UNKNOWNS]) -> [[f64; UNKNOWNS]; UNKNOWNS] {
-    let mut hessian = [[0.0; UNKNOWNS]; UNKNOWNS];
-    for k in 0..UNKNOWNS {
+fn covariance(cost: &Cost<'_>, x: &[f64; UNKNOWNS]) -> SMatrix<f64, UNKNOWNS, UNKNOWNS> {
+    let of_axis = |k: usize| {
         let at = |by: f64| {
             let mut x = *x;
             x[k] += by;
-            cost.gradient(&x)
+            SVector::from(cost.gradient(&x))
         };
-        let (up, down) = (at(STEP_2), at(-STEP_2));
-        (0..UNKNOWNS).for_each(|j| hessian[k][j] = (up[j] - down[j]) / (2.0 * STEP_2));
-    }
-    for i in 0..UNKNOWNS {
-        for j in 0..i {
-            let mean = 0.5 * (hessian[i][j] + hessian[j][i]);
-            (hessian[i][j], hessian[j][i]) = (mean, mean);
-        }
-    }
-    let most: f64 =
-        (0..UNKNOWNS).map(|k| (1.0 / cost.priors[k].sd.powi(2) - hessian[k][k]).max(0.0)).fold(0.0, f64::max);
-    let mut inverse = [[0.0; UNKNOWNS]; UNKNOWNS];
-    for k in 0..UNKNOWNS {
-        let mut a = hessian;
-        (0..UNKNOWNS).for_each(|i| a[i][i] += most);
-        let mut b = [0.0; UNKNOWNS];
-        b[k] = 1.0;
-        solve(&mut a, &mut b);
-        (0..UNKNOWNS).for_each(|i| inverse[i][k] = b[i]);
-    }
-    inverse
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn systems_are_solved() {
-        let mut a = [[4.0, 1.0, 0.5], [1.0, 3.0, 0.2], [0.5, 0.2, 2.0]];
-        let (m, want) = (a, [1.0, -2.0, 0.5]);
-        let mut b: [f64; 3] = std::array::from_fn(|i| (0..3).map(|j| m[i][j] * want[j]).sum());
-        solve(&mut a, &mut b);
-        assert!((0..3).all(|k| (b[k] - want[k]).abs() < 1e-12), "{b:?}");
-    }
+        (at(STEP_2) - at(-STEP_2)) / (2.0 * STEP_2)
+    };
+    let columns: [SVector<f64, UNKNOWNS>; UNKNOWNS] = std::array::from_fn(of_axis);
+    let half = SMatrix::from_columns(&columns);
+    let hessian = 0.5 * (half + half.transpose());
+    let lacks = |k: usize| (1.0 / cost.priors[k].sd.powi(2) - hessian[(k, k)]).max(0.0);
+    let most = (0..UNKNOWNS).map(lacks).fold(0.0, f64::max);
+    let positive = hessian + SMatrix::from_diagonal_element(most);
+    let of_priors = SMatrix::from_diagonal(&SVector::from_fn(|k, _| cost.priors[k].sd.powi(2)));
+    positive.cholesky().map_or(of_priors, |factor| factor.inverse())
 }

@@ -1,9 +1,13 @@
 //! Where camera and lamps stood when a swatch was photographed: a small TOML file.
 
-use plywave::Result;
 use plywave::spec::rules::{self, Custom, Key, KeyKind, Rules, invalid, number, optional};
+use plywave::{Result, io};
 use serde::{Deserialize, Serialize};
+use std::path::Path;
 use toml::Value;
+
+/// Largest file [bytes].
+const MAX_BYTES: u64 = 1 << 20;
 
 /// The keys of a geometry file; `docs/howto/swatch.md` lists them.
 #[doc(hidden)]
@@ -83,6 +87,14 @@ impl Default for SwatchGeometry {
 }
 
 impl SwatchGeometry {
+    /// Reads a geometry file.
+    ///
+    /// # Errors
+    /// Those of reading, and of [`SwatchGeometry::parse`].
+    pub fn load(path: &Path) -> Result<SwatchGeometry> {
+        SwatchGeometry::parse(&io::read_text(path, MAX_BYTES)?, &path.display().to_string())
+    }
+
     /// Parses the text of a geometry file; `file` identifies it in errors.
     ///
     /// # Errors

@@ -23,16 +23,16 @@ mod uneven;
 #[doc(hidden)]
 pub use geometry::GEOMETRY_RULES;
 pub use geometry::SwatchGeometry;
-pub use photo::{Photo, contrast, correlation, encode, luminance, profiles, streak_widths};
+pub use photo::{Photo, contrast, encode, luminance, png, profiles, streak_widths};
 pub use report::{SwatchFigures, SwatchFit, SwatchNumber, SwatchUnknown, SwatchWeave};
 pub use shoot::{Shot, blur};
-pub use spectrum::{KnownWeave, WeaveGuess, guess_weaves};
 
 use crate::error::Error;
 use crate::run::{Progress, Run, Stage};
 use cloths::{SwatchCloth, SwatchFiber, SwatchNumbers};
 use fit::{MASS_SD, Prior, SwatchData, SwatchSolution};
 use plywave_textile::{Count, NamedWeave};
+use spectrum::{WeaveGuess, guess_weaves};
 use std::f64::consts::TAU;
 use table::{LightTable, TableInputs, make_table, of_sigma};
 
@@ -164,10 +164,13 @@ fn check_known(known: &SwatchKnown, file: &str, key: &dyn Fn(&str) -> String) ->
     number("ends_per_cm", known.per_cm[0], [1.0, 300.0], "ends per cm")?;
     number("picks_per_cm", known.per_cm[1], [1.0, 300.0], "picks per cm")?;
     number("count", known.tex, TEX, "tex")?;
-    if let Some(fiber) = &known.fiber {
-        SwatchFiber::new(fiber)?;
-    }
-    Ok(())
+    let Some(fiber) = &known.fiber else { return Ok(()) };
+    SwatchFiber::new(fiber).map(|_| ()).map_err(|error| match error {
+        Error::Runtime(plywave::Error::Invalid { value, hint, .. }) => {
+            Error::Runtime(plywave::Error::Invalid { file: file.into(), key: key("fiber"), value, hint })
+        }
+        other => other,
+    })
 }
 
 /// The prior of the logarithm of the count [tex].
@@ -215,8 +218,7 @@ pub fn fit_swatch(inputs: &SwatchInputs, run: &Run<'_>) -> Result<SwatchFit, Err
     };
     let go_on = || run.check_stop().is_ok();
     tell("weave and sett", 0, 1);
-    let known_weave = KnownWeave { weave: known.weave.clone(), per_cm: known.per_cm };
-    let mut guesses = guess_weaves([front, back], geometry, &known_weave);
+    let mut guesses = guess_weaves([front, back], geometry, known);
     let guess = guesses.first().cloned().ok_or_else(|| invalid("weave", "none".into(), "give --weave"))?;
     tell("weave and sett", 1, 1);
     let is_satin = matches!(guess.weave, NamedWeave::Satin { .. });
@@ -379,7 +381,7 @@ mod tests {
             sd: [0.01; 2],
             turn_rad: 0.0,
             probability: 1.0,
-            evidence: 0.0,
+            score: 0.0,
         };
         let numbers = SwatchNumbers {
             tex: 30.0,

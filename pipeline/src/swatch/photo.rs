@@ -1,8 +1,10 @@
 //! Photographs of a swatch: linear RGB from PNG files, blocks of their light, and contrast.
 
 use super::geometry::SwatchGeometry;
-use plywave::{Error, Result};
+use plywave::color::{srgb_decode, srgb_encode};
+use plywave::{Error, Result, io};
 use std::io::Cursor;
+use std::path::Path;
 
 /// Blocks along each side of a picture.
 pub const SIDE: usize = 8;
@@ -14,6 +16,8 @@ const SIDES: [usize; 2] = [64, 8192];
 /// Codes at which a pixel counts as saturated, and share of saturated pixels that is too many.
 const SATURATED: u8 = 254;
 const MAX_SATURATED: f64 = 0.5;
+/// Largest file [bytes].
+const MAX_BYTES: u64 = 256 << 20;
 /// Mean below which a picture is black.
 const BLACK: f64 = 2e-4;
 /// Rec. 709.
@@ -30,16 +34,18 @@ pub struct Photo {
     pub is_saturated: Vec<bool>,
 }
 
-fn decode(code: u8) -> f32 {
-    let v = f32::from(code) / 255.0;
-    if v <= 0.04045 { v / 12.92 } else { ((v + 0.055) / 1.055).powf(2.4) }
-}
-
 /// The sRGB code of a linear value.
 pub fn encode(v: f32) -> u8 {
-    let v = v.clamp(0.0, 1.0);
-    let v = if v <= 0.003_130_8 { 12.92 * v } else { 1.055 * v.powf(1.0 / 2.4) - 0.055 };
-    (255.0 * v + 0.5) as u8
+    (255.0 * srgb_encode(f64::from(v.clamp(0.0, 1.0))) + 0.5) as u8
+}
+
+/// A PNG file of sRGB codes, `[row][column]`.
+pub fn png(size: [usize; 2], codes: &[[u8; 3]]) -> std::result::Result<Vec<u8>, png::EncodingError> {
+    let mut out = Vec::new();
+    let mut encoder = png::Encoder::new(&mut out, size[0] as u32, size[1] as u32);
+    encoder.set_color(png::ColorType::Rgb);
+    encoder.write_header()?.write_image_data(codes.as_flattened())?;
+    Ok(out)
 }
 
 /// Luminance of linear RGB.
@@ -48,6 +54,14 @@ pub fn luminance(rgb: [f32; 3]) -> f32 {
 }
 
 impl Photo {
+    /// Reads a PNG file in sRGB.
+    ///
+    /// # Errors
+    /// Those of reading, and of [`Photo::from_png`].
+    pub fn load(path: &Path) -> Result<Photo> {
+        Photo::from_png(&io::read_file(path, MAX_BYTES)?, &path.display().to_string())
+    }
+
     /// Reads a PNG file in sRGB; `file` identifies it in errors.
     ///
     /// # Errors
@@ -74,7 +88,7 @@ impl Photo {
         let channels = info.color_type.samples();
         let of =
             |pixel: &[u8]| -> [u8; 3] { if channels < 3 { [pixel[0]; 3] } else { [pixel[0], pixel[1], pixel[2]] } };
-        let table: Vec<f32> = (0..=255).map(decode).collect();
+        let table: [f32; 256] = std::array::from_fn(|code| srgb_decode(code as f64 / 255.0) as f32);
         let codes: Vec<[u8; 3]> = codes.chunks_exact(channels).map(of).collect();
         let rgb: Vec<[f32; 3]> = codes.iter().map(|c| c.map(|c| table[usize::from(c)])).collect();
         let is_saturated: Vec<bool> = codes.iter().map(|c| c.iter().any(|c| *c >= SATURATED)).collect();
@@ -216,14 +230,6 @@ fn half_width(profile: &[f64]) -> Option<f64> {
         (right as f64 - part(profile[right], profile[right - 1]))
             - (left as f64 + part(profile[left], profile[left + 1])),
     )
-}
-
-/// Pearson's correlation.
-pub fn correlation(a: &[f64], b: &[f64]) -> f64 {
-    let mean = |v: &[f64]| v.iter().sum::<f64>() / v.len() as f64;
-    let (ma, mb) = (mean(a), mean(b));
-    let sum = |f: &dyn Fn(f64, f64) -> f64| a.iter().zip(b).map(|(a, b)| f(a - ma, b - mb)).sum::<f64>();
-    sum(&|a, b| a * b) / (sum(&|a, _| a * a) * sum(&|_, b| b * b)).sqrt()
 }
 
 #[cfg(test)]

@@ -5,13 +5,15 @@ use super::SwatchInputs;
 use super::cloths::{SwatchCloth, SwatchFiber, SwatchNumbers, spec_text};
 use super::fit::SwatchSolution;
 use super::geometry::{SwatchGeometry, unit};
-use super::photo::{Photo, contrast, correlation, encode, luminance, profiles, streak_widths};
+use super::photo::{Photo, contrast, encode, luminance, png, profiles, streak_widths};
 use super::shoot::{Shot, blur};
 use super::spectrum::WeaveGuess;
 use super::table::{LightTable, UNKNOWNS, sigma_of};
 use super::uneven::Unevenness;
 use crate::error::Error;
 use plywave::cloth::{ClothOptions, YarnColor};
+use plywave::color::srgb_encode;
+use plywave_wave::correlation;
 use serde::Serialize;
 use std::f32::consts::FRAC_PI_2;
 use std::f64::consts::TAU;
@@ -166,12 +168,6 @@ pub(super) fn white_exposure(
     (count > 0.0 && sum > 0.0).then(|| (sum / count).ln())
 }
 
-/// Encoded sRGB of a linear value.
-fn srgb(v: f64) -> f64 {
-    let v = v.clamp(0.0, 1.0);
-    if v <= 0.003_130_8 { 12.92 * v } else { 1.055 * v.powf(1.0 / 2.4) - 0.055 }
-}
-
 /// Collects the numbers, renders the fit, and writes the spec.
 pub(super) fn finish(
     inputs: &SwatchInputs,
@@ -182,7 +178,7 @@ pub(super) fn finish(
     let model = cloth.model(&ClothOptions::default())?;
     let curve = model.color_curve();
     let color = |shift: f64| -> [f64; 3] {
-        [4, 5, 6].map(|k| srgb(curve.albedo(sigma_of(solution.x[k] + shift * solution.sd[k]))))
+        [4, 5, 6].map(|k| srgb_encode(curve.albedo(sigma_of(solution.x[k] + shift * solution.sd[k])).clamp(0.0, 1.0)))
     };
     let (middle, darker, lighter) = (color(0.0), color(1.0), color(-1.0));
     let numbers = SwatchNumbers { srgb: Some(middle), uneven: Some(uneven.values), ..numbers };
@@ -242,7 +238,7 @@ pub(super) fn finish(
     let unknown = |(k, name): (usize, &&'static str)| SwatchUnknown {
         name,
         x: solution.x[k],
-        sd_curvature: solution.curvature[k][k].max(0.0).sqrt(),
+        sd_curvature: solution.curvature[(k, k)].max(0.0).sqrt(),
         refits: solution.refits.iter().map(|x| x[k]).collect(),
     };
     let notes = match inputs.known.fiber {
@@ -329,25 +325,21 @@ fn list(
 /// Photographs above, pictures of the fit below, each as bright as its photograph.
 fn beside(photos: &[Photo; 2], fits: &[Photo]) -> Result<Vec<u8>, Error> {
     let [width, height] = photos[0].size;
-    let mean = |photo: &Photo| {
+    let median = |photo: &Photo| {
         let mut all = photo.luminances();
         all.sort_by(f32::total_cmp);
         all[all.len() / 2].max(1e-9)
     };
-    let mut bytes = vec![0u8; 3 * 4 * width * height];
+    let mut codes = vec![[0u8; 3]; 4 * width * height];
     for (k, (photo, fit)) in photos.iter().zip(fits).enumerate() {
         for (row_of, of) in [photo, fit].into_iter().enumerate() {
-            let scale = GRAY / mean(of);
+            let scale = GRAY / median(of);
             for (i, rgb) in of.rgb.iter().enumerate() {
                 let (x, y) = (k * width + i % width, row_of * height + i / width);
-                (0..3).for_each(|c| bytes[3 * (y * 2 * width + x) + c] = encode(scale * rgb[c]));
+                codes[y * 2 * width + x] = rgb.map(|v| encode(scale * v));
             }
         }
     }
-    let mut out = Vec::new();
     let failed = |e: png::EncodingError| Error::Export { file: "picture of the fit".into(), what: e.to_string() };
-    let mut encoder = png::Encoder::new(&mut out, 2 * width as u32, 2 * height as u32);
-    encoder.set_color(png::ColorType::Rgb);
-    encoder.write_header().map_err(failed)?.write_image_data(&bytes).map_err(failed)?;
-    Ok(out)
+    png([2 * width, 2 * height], &codes).map_err(failed)
 }

@@ -103,7 +103,7 @@ pub fn blur<const N: usize>(size: [usize; 2], picture: &[[f32; N]], sd_px: f32) 
 mod tests {
     use super::*;
 
-    /// A blur keeps light and spreads a point to the variance asked for.
+    /// A blur keeps light and spreads a point to its variance.
     #[test]
     fn blurs_keep_light() {
         let size = [33, 33];

@@ -11,6 +11,7 @@
 //! counts more than `MAX_GAIN`. Only waves that the picture resolves are used. The back-lit picture may
 //! have another scale and turn: lenses and stands are moved between pictures.
 
+use super::SwatchKnown;
 use super::geometry::SwatchGeometry;
 use super::photo::Photo;
 use plywave_textile::{Draft, NamedWeave};
@@ -68,15 +69,6 @@ const STARTS: usize = 24;
 /// Pixels over which the light is made even.
 const EVEN_PX: usize = 33;
 
-/// What is known of a weave before the picture is looked at.
-#[derive(Clone, Debug, Default)]
-pub struct KnownWeave {
-    /// Name of the weave.
-    pub weave: Option<NamedWeave>,
-    /// Ends and picks per centimeter.
-    pub per_cm: [Option<f64>; 2],
-}
-
 /// A weave with its sett as the picture shows it.
 #[derive(Clone, Debug)]
 pub struct WeaveGuess {
@@ -92,8 +84,8 @@ pub struct WeaveGuess {
     pub turn_rad: f64,
     /// Posterior probability among the weaves that were compared.
     pub probability: f64,
-    /// Log-likelihood over that of no weave at all.
-    pub evidence: f64,
+    /// Log-likelihood over that of no weave at all, tempered, with the prior of sett, turns and scale.
+    pub score: f64,
 }
 
 /// The power of a picture over the power around it.
@@ -160,8 +152,8 @@ impl Spectrum {
         Some(if is_fine { sum / weights } else { most / NINE })
     }
 
-    /// Frequencies of the strongest peaks [1/cm], with their power; fx >= 0.
-    fn peaks(&self) -> Vec<([f64; 2], f64)> {
+    /// Frequencies of the strongest peaks [1/cm], the strongest first; fx >= 0.
+    fn peaks(&self) -> Vec<[f64; 2]> {
         let side = self.side as i64;
         let at = |i: i64, j: i64| self.power[(j.rem_euclid(side) * side + i.rem_euclid(side)) as usize];
         let most = (self.most / self.step) as i64;
@@ -185,9 +177,8 @@ impl Spectrum {
                 }
             }
         }
-        all.sort_by(|a, b| b.1.total_cmp(&a.1));
-        all.truncate(PEAKS);
-        all
+        all.sort_by(|a: &([f64; 2], f64), b| b.1.total_cmp(&a.1));
+        all.into_iter().take(PEAKS).map(|peak| peak.0).collect()
     }
 }
 
@@ -399,7 +390,7 @@ fn evidence(spectra: &[Spectrum], waves: &[Wave], sett: &Sett, (is_across, is_fi
     spectra.iter().enumerate().map(of_spectrum).sum()
 }
 
-fn prior(known: &KnownWeave, per_cm: [f64; 2]) -> f64 {
+fn prior(known: &SwatchKnown, per_cm: [f64; 2]) -> f64 {
     let of = |k: usize| match known.per_cm[k] {
         Some(given) => ((per_cm[k] / given).ln() / GIVEN_SD).powi(2),
         None => ((per_cm[k] / USUAL_PER_CM[k]).ln() / PRIOR_SD).powi(2),
@@ -408,26 +399,25 @@ fn prior(known: &KnownWeave, per_cm: [f64; 2]) -> f64 {
 }
 
 /// The weaves with their setts, the most probable first, from both pictures of a swatch.
-pub fn guess_weaves(photos: [&Photo; 2], geometry: &SwatchGeometry, known: &KnownWeave) -> Vec<WeaveGuess> {
+pub fn guess_weaves(photos: [&Photo; 2], geometry: &SwatchGeometry, known: &SwatchKnown) -> Vec<WeaveGuess> {
     let spectra: Vec<Spectrum> = photos.iter().map(|photo| Spectrum::new(photo, geometry)).collect();
-    let peaks: Vec<[f64; 2]> = spectra[0].peaks().into_iter().map(|peak| peak.0).collect();
-    let backs = backs(&spectra);
+    let [peaks, of_back] = [0, 1].map(|k: usize| spectra[k].peaks());
+    let backs = backs(&peaks, &of_back);
     let names: Vec<NamedWeave> = match &known.weave {
         Some(weave) => vec![weave.clone()],
         None => WEAVES.iter().filter_map(|name| name.parse().ok()).collect(),
     };
-    let mut guesses = Vec::new();
+    let mut guesses: Vec<WeaveGuess> = Vec::new();
     for weave in names {
         let waves = waves_of(&weave.draft());
         for is_across in [false, true] {
             guesses.extend(best_sett(&spectra, (&peaks, &backs), known, (&weave, &waves), is_across));
         }
     }
-    let score = |guess: &WeaveGuess| (guess.evidence + TEMPER * prior(known, guess.per_cm)) / TEMPER;
-    let most = guesses.iter().map(score).fold(f64::NEG_INFINITY, f64::max);
-    let total: f64 = guesses.iter().map(|g| (score(g) - most).exp()).sum();
+    let most = guesses.iter().map(|g| g.score).fold(f64::NEG_INFINITY, f64::max);
+    let total: f64 = guesses.iter().map(|g| (g.score - most).exp()).sum();
     for guess in &mut guesses {
-        guess.probability = (score(guess) - most).exp() / total;
+        guess.probability = (guess.score - most).exp() / total;
     }
     guesses.sort_by(|a, b| b.probability.total_cmp(&a.probability));
     // Other weaves of the same way leave other setts open.
@@ -448,11 +438,10 @@ pub fn guess_weaves(photos: [&Photo; 2], geometry: &SwatchGeometry, known: &Know
 }
 
 /// Scales and turns of the back-lit picture that its strongest peaks may have.
-fn backs(spectra: &[Spectrum]) -> Vec<[f64; 2]> {
+fn backs(front: &[[f64; 2]], back: &[[f64; 2]]) -> Vec<[f64; 2]> {
     let mut all = vec![[0.0; 2]];
-    let [front, back] = [0, 1].map(|k| spectra.get(k).map(Spectrum::peaks).unwrap_or_default());
-    for (f, _) in front.iter().take(3) {
-        for (b, _) in back.iter().take(3) {
+    for f in front.iter().take(3) {
+        for b in back.iter().take(3) {
             // As the angle of a complex number; y points down.
             let (dot, cross) = (f[0] * b[0] + f[1] * b[1], f[1] * b[0] - f[0] * b[1]);
             let (scale, turn) = ((b[0].hypot(b[1]) / f[0].hypot(f[1])).ln(), cross.atan2(dot));
@@ -465,7 +454,7 @@ fn backs(spectra: &[Spectrum]) -> Vec<[f64; 2]> {
 }
 
 /// Setts that put two waves of a weave at two peaks.
-fn starts(peaks: &[[f64; 2]], waves: &[Wave], known: &KnownWeave, is_across: bool) -> Vec<Sett> {
+fn starts(peaks: &[[f64; 2]], waves: &[Wave], known: &SwatchKnown, is_across: bool) -> Vec<Sett> {
     let strong: Vec<&Wave> = waves.iter().filter(|w| w.squared > 0.02).collect();
     let mut all = Vec::new();
     for (i, f) in peaks.iter().enumerate() {
@@ -533,7 +522,7 @@ fn climb(sett: &mut Sett, mut step: f64, score: impl Fn(&Sett) -> f64) {
 fn best_sett(
     spectra: &[Spectrum],
     (peaks, backs): (&[[f64; 2]], &[[f64; 2]]),
-    known: &KnownWeave,
+    known: &SwatchKnown,
     (weave, waves): (&NamedWeave, &[Wave]),
     is_across: bool,
 ) -> Option<WeaveGuess> {
@@ -571,8 +560,8 @@ fn best_sett(
             .iter()
             .filter(|w| {
                 w.uv[k].abs() > 1e-9
-                    && spectra.iter().enumerate().any(|(k, s)| {
-                        s.near(frequency(w.uv, sett.lattice(k, is_across)), false).is_some_and(|p| p > 4.0)
+                    && spectra.iter().enumerate().any(|(picture, s)| {
+                        s.near(frequency(w.uv, sett.lattice(picture, is_across)), false).is_some_and(|p| p > 4.0)
                     })
             })
             .map(|w| w.uv[k].abs())
@@ -587,15 +576,7 @@ fn best_sett(
         let own = resolved.hypot((sum / weights).sqrt());
         sd[k] = known.per_cm[k].map_or(own.min(PRIOR_SD), |_| own.min(GIVEN_SD)).max(0.004);
     }
-    Some(WeaveGuess {
-        weave: weave.clone(),
-        is_across,
-        per_cm,
-        sd,
-        turn_rad,
-        probability: 0.0,
-        evidence: evidence(spectra, waves, &sett, (is_across, false)),
-    })
+    Some(WeaveGuess { weave: weave.clone(), is_across, per_cm, sd, turn_rad, probability: 0.0, score: most })
 }
 
 #[cfg(test)]
@@ -629,11 +610,11 @@ mod tests {
         let geometry = SwatchGeometry::default();
         for (name, per_cm) in [("twill 2/2", [26.0, 20.0]), ("plain", [18.0, 15.0]), ("twill 3/1 S", [27.0, 17.0])] {
             let photo = picture(name, per_cm, 512, &geometry);
-            let guesses = guess_weaves([&photo, &photo], &geometry, &KnownWeave::default());
+            let guesses = guess_weaves([&photo, &photo], &geometry, &SwatchKnown::default());
             let best = &guesses[0];
             assert_eq!(best.weave, name.parse().unwrap(), "{guesses:?}");
             for k in 0..2 {
-                assert!((best.per_cm[k] / per_cm[k] - 1.0).abs() < 0.02, "{name}: {best:?}");
+                assert!((best.per_cm[k] / per_cm[k] - 1.0).abs() < 0.005, "{name}: {best:?}");
             }
         }
     }

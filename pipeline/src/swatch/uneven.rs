@@ -8,7 +8,7 @@
 use super::SwatchInputs;
 use super::cloths::{SwatchCloth, SwatchNumbers};
 use super::geometry::SwatchGeometry;
-use super::photo::contrast;
+use super::photo::{contrast, luminance};
 use super::shoot::{Shot, blur};
 use super::spectrum::WeaveGuess;
 use crate::error::Error;
@@ -67,7 +67,7 @@ fn patches(
     [1, 2].map(|seed| {
         let part = part(size, is_back);
         let shot = Shot { cloth, turn_rad, geometry, size, part, samples: SAMPLES / 2, seed };
-        shot.render(is_back).into_iter().map(|rgb| [super::photo::luminance(rgb)]).collect()
+        shot.render(is_back).into_iter().map(|rgb| [luminance(rgb)]).collect()
     })
 }
 
@@ -90,7 +90,7 @@ pub fn fit_uneven(
         let [left, top, right, bottom] = part(size, k == 1);
         let values: Vec<f32> = (top..bottom)
             .flat_map(|row| (left..right).map(move |column| row * size[0] + column))
-            .map(|i| super::photo::luminance(inputs.photos[k].rgb[i]))
+            .map(|i| luminance(inputs.photos[k].rgb[i]))
             .collect();
         contrast([right - left, bottom - top], [&values, &values])
     });
@@ -98,7 +98,7 @@ pub fn fit_uneven(
     let variances = |uneven: Option<[f64; 3]>| -> Result<[[[f64; 4]; BLURS.len()]; 2], Error> {
         let numbers = SwatchNumbers { tex: 1.0, turns_per_m: 0.0, tension: 1.0, alpha_fiber: 0.1, srgb: None, uneven };
         let model = cloth.uneven_model(&numbers, &ClothOptions::default())?;
-        let gray = [0.2126, 0.7152, 0.0722].iter().zip(sigma).map(|(w, s)| w * s).sum::<f64>() as f32;
+        let gray = luminance(sigma.map(|s| s as f32));
         let model = model.with_colors([YarnColor::Sigma(gray); 2], model.color_of());
         Ok([false, true].map(|is_back| {
             let halves = patches(&model, guess, &inputs.geometry, size, is_back);

@@ -40,7 +40,7 @@ pub use jobs::compare::{
     compare,
 };
 pub use jobs::scatter::{Case, Report, RunStats, ScatterJob, check_ledger, scatter};
-pub use jobs::similarity::{Similarity, Spread};
+pub use jobs::similarity::{Similarity, Spread, correlation};
 pub use jobs::speckle::{SpeckleJob, SpeckleOptions, speckle};
 pub use jobs::tabulate::{
     MakeSolver, Solver, TabulateJob, TabulateOptions, tabulate, tabulate_rays, tabulate_slices, tabulate_with,

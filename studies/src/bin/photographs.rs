@@ -22,8 +22,9 @@
 
 use plywave::cloth::{ClothModel, ClothOptions, YarnColor};
 use plywave_pipeline::swatch::{
-    Photo, Shot, SwatchGeometry, contrast, correlation, encode, luminance, profiles, streak_widths,
+    Photo, Shot, SwatchGeometry, contrast, encode, luminance, png, profiles, streak_widths,
 };
+use plywave_wave::correlation;
 
 type Outcome<T> = Result<T, Box<dyn std::error::Error>>;
 
@@ -117,7 +118,7 @@ impl std::fmt::Display for Figures {
 
 /// Luminances of a photograph.
 fn photograph(file: &str) -> Outcome<Vec<f32>> {
-    let photo = Photo::from_png(&std::fs::read(file)?, file)?;
+    let photo = Photo::load(file.as_ref())?;
     if photo.size != SIZE {
         return Err(format!("{file}: expected 512 x 512 pixels").into());
     }
@@ -128,8 +129,6 @@ fn photograph(file: &str) -> Outcome<Vec<f32>> {
 fn write(file: &std::path::Path, picture: &[[f32; 3]]) -> Outcome<()> {
     let mean = picture.iter().map(|rgb| f64::from(luminance(*rgb))).sum::<f64>() / picture.len() as f64;
     let scale = (0.18 / mean) as f32;
-    let bytes: Vec<u8> = picture.iter().flat_map(|rgb| rgb.map(|v| encode(scale * v))).collect();
-    let mut encoder = png::Encoder::new(std::fs::File::create(file)?, SIZE[0] as u32, SIZE[1] as u32);
-    encoder.set_color(png::ColorType::Rgb);
-    Ok(encoder.write_header()?.write_image_data(&bytes)?)
+    let codes: Vec<[u8; 3]> = picture.iter().map(|rgb| rgb.map(|v| encode(scale * v))).collect();
+    Ok(std::fs::write(file, png(SIZE, &codes)?)?)
 }

@@ -11,7 +11,7 @@
 //! there, and photographs that an earlier run left there are used.
 
 use plywave::cloth::{ClothModel, ClothOptions};
-use plywave_pipeline::swatch::{Photo, Shot, SwatchGeometry, SwatchInputs, SwatchKnown, blur, encode, fit_swatch};
+use plywave_pipeline::swatch::{Photo, Shot, SwatchGeometry, SwatchInputs, SwatchKnown, blur, encode, fit_swatch, png};
 use plywave_pipeline::{ClothRecipe, Run};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
@@ -182,11 +182,7 @@ fn photograph(spec: &str, number: u64) -> Outcome<[Photo; 2]> {
         let mut normal = || (0..12).map(|_| rng.random::<f32>()).sum::<f32>() - 6.0;
         let code = |v: f32, noise: f32| encode(exposure * v * (1.0 + 0.02 * noise) + 0.001 * noise);
         let codes: Vec<[u8; 3]> = light.iter().map(|rgb| rgb.map(|v| code(v, normal()))).collect();
-        let mut bytes = Vec::new();
-        let mut encoder = png::Encoder::new(&mut bytes, SIZE[0] as u32, SIZE[1] as u32);
-        encoder.set_color(png::ColorType::Rgb);
-        encoder.write_header()?.write_image_data(codes.as_flattened())?;
-        photos.push(Photo::from_png(&bytes, "truth.png")?);
+        photos.push(Photo::from_png(&png(SIZE, &codes)?, "truth.png")?);
     }
     photos.try_into().map_err(|_| "two pictures".into())
 }
@@ -194,16 +190,11 @@ fn photograph(spec: &str, number: u64) -> Outcome<[Photo; 2]> {
 /// Photographs of an earlier run of the same spec.
 fn kept(folder: &Path, number: u64, spec: &str) -> Option<[Photo; 2]> {
     let same = std::fs::read_to_string(folder.join(format!("{number}.toml"))).ok()? == spec;
-    let read = |light: &str| {
-        let bytes = std::fs::read(folder.join(format!("{number}_{light}.png"))).ok()?;
-        Photo::from_png(&bytes, "truth.png").ok()
-    };
+    let read = |light: &str| Photo::load(&folder.join(format!("{number}_{light}.png"))).ok();
     if same { Some([read("R")?, read("T")?]) } else { None }
 }
 
 fn write(path: &Path, photo: &Photo) -> Outcome<()> {
-    let bytes: Vec<u8> = photo.rgb.iter().flat_map(|rgb| rgb.map(encode)).collect();
-    let mut encoder = png::Encoder::new(std::fs::File::create(path)?, SIZE[0] as u32, SIZE[1] as u32);
-    encoder.set_color(png::ColorType::Rgb);
-    Ok(encoder.write_header()?.write_image_data(&bytes)?)
+    let codes: Vec<[u8; 3]> = photo.rgb.iter().map(|rgb| rgb.map(encode)).collect();
+    Ok(std::fs::write(path, png(SIZE, &codes)?)?)
 }

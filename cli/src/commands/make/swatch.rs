@@ -9,15 +9,6 @@ use plywave_pipeline::swatch::{
 };
 use std::path::Path;
 
-/// Largest photograph [bytes].
-const MAX_BYTES: u64 = 256 << 20;
-/// Largest geometry file [bytes].
-const MAX_TEXT: u64 = 1 << 20;
-
-fn photo(path: &Path) -> Outcome<Photo> {
-    Ok(Photo::from_png(&plywave::io::read_file(path, MAX_BYTES)?, &path.display().to_string())?)
-}
-
 /// Runs the command.
 pub fn run(cli: &Cli, args: &SwatchArgs) -> Outcome {
     let output = &args.output;
@@ -46,9 +37,9 @@ pub fn run(cli: &Cli, args: &SwatchArgs) -> Outcome {
     let known = words.known("command line", &flag).map_err(crate::commands::runs::pipeline_failure)?;
     let geometry = match &args.geometry {
         None => SwatchGeometry::default(),
-        Some(path) => SwatchGeometry::parse(&plywave::io::read_text(path, MAX_TEXT)?, &path.display().to_string())?,
+        Some(path) => SwatchGeometry::load(path)?,
     };
-    let inputs = SwatchInputs { photos: [photo(&args.front)?, photo(&args.back)?], geometry, known };
+    let inputs = SwatchInputs { photos: [Photo::load(&args.front)?, Photo::load(&args.back)?], geometry, known };
     let begun = std::time::Instant::now();
     let fit = with_progress(cli, |run| fit_swatch(&inputs, run))?;
     let seconds = begun.elapsed().as_secs_f64();
