@@ -1,10 +1,10 @@
 //! What a fit hands back: the spec with a bar at each number, the numbers as data, and the fit's pictures
 //! beside the photographs.
 
-use super::SwatchInputs;
 use super::cloths::{SwatchCloth, SwatchFiber, SwatchNumbers, spec_text};
 use super::fit::SwatchSolution;
 use super::geometry::{SwatchGeometry, unit};
+use super::inputs::SwatchInputs;
 use super::photo::{Photo, contrast, encode, luminance, png, profiles, streak_widths};
 use super::shoot::{Shot, blur};
 use super::spectrum::WeaveGuess;

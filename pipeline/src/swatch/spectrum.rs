@@ -11,8 +11,8 @@
 //! counts more than `MAX_GAIN`. Only waves that the picture resolves are used. The back-lit picture may
 //! have another scale and turn: lenses and stands are moved between pictures.
 
-use super::SwatchKnown;
 use super::geometry::SwatchGeometry;
+use super::inputs::SwatchKnown;
 use super::photo::Photo;
 use plywave_textile::{Draft, NamedWeave};
 use rustfft::FftPlanner;

@@ -5,9 +5,9 @@
 //! and blurs of a grid are weighed by how well they match the photographs' contrast at 1 to 8 pixels in
 //! both lights, and their means and deviations are the result.
 
-use super::SwatchInputs;
 use super::cloths::{SwatchCloth, SwatchNumbers};
 use super::geometry::SwatchGeometry;
+use super::inputs::SwatchInputs;
 use super::photo::{contrast, luminance};
 use super::shoot::{Shot, blur};
 use super::spectrum::WeaveGuess;
