@@ -39,7 +39,7 @@ use plywave_textile::NamedWeave;
 use spectrum::{WeaveGuess, guess_weaves};
 use std::f64::consts::TAU;
 use table::{LightTable, TableInputs, make_table, of_sigma};
-use words::TEX;
+use words::{TEX, check_known};
 
 /// Stages that progress counts.
 const STAGES: u64 = 100;

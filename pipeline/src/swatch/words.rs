@@ -61,7 +61,7 @@ impl SwatchWords<'_> {
 }
 
 /// Checks numbers and fiber.
-fn check_known(known: &SwatchKnown, file: &str, key: &dyn Fn(&str) -> String) -> Result<(), Error> {
+pub(super) fn check_known(known: &SwatchKnown, file: &str, key: &dyn Fn(&str) -> String) -> Result<(), Error> {
     let number = |name: &str, value: Option<f64>, [low, high]: [f64; 2], unit: &str| match value {
         Some(v) if !(low..=high).contains(&v) => Err(Error::Runtime(plywave::Error::Invalid {
             file: file.into(),
