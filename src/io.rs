@@ -17,7 +17,10 @@ mod source;
 
 pub use check::{Axis, Check, Summary};
 pub use container::{FileKind, Reader, Writer, file_kind, invalid};
-pub use disk::{is_temporary, lock_file, open_file, output_target, read_file, read_text, write_file, write_file_with};
+pub use disk::{
+    is_temporary, lock_file, open_file, output_target, read_file, read_text, remove_leftovers, write_file,
+    write_file_with,
+};
 pub use document::{Document, Provenance};
 pub use library::{MODELS_VARIABLE, ModelLibrary};
 pub use set::write_files;

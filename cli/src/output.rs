@@ -40,7 +40,8 @@ fn is_same(a: &Path, b: &Path) -> bool {
 }
 
 /// Refuses an output path that cannot be written, before any work: its folder must exist and accept a new
-/// file; the path must be new or a regular file, and must not be an input of the command.
+/// file; the path must be new or a regular file, and must not be an input of the command. What killed runs
+/// left beside it is removed.
 pub fn check_writable(path: &Path, inputs: &[&Path]) -> Outcome {
     let refuse = |what: String, hint: &str| Err(Failure::input(path.display(), "-o", what, hint));
     if inputs.iter().any(|input| is_same(input, path)) {
@@ -59,7 +60,10 @@ pub fn check_writable(path: &Path, inputs: &[&Path]) -> Outcome {
     }
     match tempfile::tempfile_in(folder) {
         // The probe file is removed when it is dropped.
-        Ok(_) => Ok(()),
+        Ok(_) => {
+            plywave::io::remove_leftovers(path);
+            Ok(())
+        }
         Err(error) => refuse(error.to_string(), "choose a place that can be written"),
     }
 }

@@ -8,6 +8,7 @@ use crate::progress::{self, Bar};
 use crate::threads::on_threads;
 use crate::{output, report};
 use glam::Vec3;
+use plywave_pipeline::digest_of_file;
 use plywave_render::{
     Camera, Environment, Facts, Film, FilmView, Ingredients, MAX_SCATTERINGS, Mesh, MeshNotes, RenderError, Setup, png,
 };
@@ -87,6 +88,31 @@ impl Outputs {
     /// The picture that the flags select.
     fn main(&self) -> &Path {
         self.png.as_deref().or(self.exr.as_deref()).unwrap_or(&self.sums)
+    }
+}
+
+/// Digests of the files that a picture is made of, taken before they are read. They name the sums of
+/// `--resume`, so they must be those of the bytes that were read.
+pub struct InputDigests(Vec<(String, PathBuf, Option<String>)>);
+
+impl InputDigests {
+    /// Takes the digests; a file that cannot be read has none.
+    pub fn take(inputs: &[(String, PathBuf)]) -> InputDigests {
+        let of = |(name, path): &(String, PathBuf)| (name.clone(), path.clone(), digest_of_file(path).ok());
+        InputDigests(inputs.iter().map(of).collect())
+    }
+
+    /// The digests by name, after the files were read; refuses a file that changed since they were taken.
+    pub fn check(self) -> Outcome<Vec<(String, String)>> {
+        let check = |(name, path, before): (String, PathBuf, Option<String>)| {
+            let digest = digest_of_file(&path)?;
+            if before.is_some_and(|before| before != digest) {
+                let what = format!("{}: changed while it was read; run it again when it is complete", path.display());
+                return Err(Failure::Input(what));
+            }
+            Ok((name, digest))
+        };
+        self.0.into_iter().map(check).collect()
     }
 }
 

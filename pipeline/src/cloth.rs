@@ -1,7 +1,7 @@
 //! From a cloth spec to a cloth ready for shading: loads the models that the spec names, computes the curves,
 //! precomputes the cloth, and caches the result.
 
-use crate::cache::{cloth_cache, digest_of_bytes, digest_of_file, keep};
+use crate::cache::{cloth_cache, digest_of_bytes, keep};
 use crate::error::Error;
 use crate::plies::{self, ClothPlies, ClothPlyModels, Ply};
 use crate::recipe::Quality;
@@ -16,6 +16,7 @@ use plywave_sim::cloth::{ClothStep, Effort, MadeCloth, make_cloth, precompute};
 #[cfg(doc)]
 use plywave_textile::YarnOfCloth;
 use plywave_textile::{ClothSpec, load_yarn};
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -181,11 +182,19 @@ impl ClothRecipe {
     /// # Errors
     /// [`Error::Interrupted`] if the run was stopped, and those of [`make_cloth`].
     pub fn curves(&self, run: &Run<'_>) -> Result<MadeCloth, Error> {
+        let assets = self.assets();
+        self.curves_of(&mut |named| assets.read(named, MAX_BYTES), run)
+    }
+
+    /// Computes the cloth's curves from the files that `read` gives.
+    fn curves_of(
+        &self,
+        read: &mut dyn FnMut(&str) -> plywave::Result<Vec<u8>>,
+        run: &Run<'_>,
+    ) -> Result<MadeCloth, Error> {
         let last = AtomicU64::new(0);
         let report = |done: u64| run.report(Progress { stage: Stage::Curves, done, total: PARTS });
         report(0);
-        let assets = self.assets();
-        let mut read = |named: &str| assets.read(named, MAX_BYTES);
         let go_on = |share: f64| {
             let done = (share * PARTS as f64) as u64;
             if last.fetch_max(done, Ordering::Relaxed) < done {
@@ -194,7 +203,7 @@ impl ClothRecipe {
             run.check_stop().is_ok()
         };
         let effort = if self.is_draft { Effort::Draft } else { Effort::Full };
-        let made = make_cloth(&self.spec, &self.file, &mut read, effort, &go_on);
+        let made = make_cloth(&self.spec, &self.file, read, effort, &go_on);
         made.map_err(|error| Error::of_simulation(error, &self.file))
     }
 
@@ -233,15 +242,17 @@ impl ClothRecipe {
     /// [`ClothRecipe::make`]. A cache folder that cannot be written results in a note.
     pub fn precomputed(&self, library: &ModelLibrary, run: &Run<'_>) -> Result<PrecomputedCloth, Error> {
         let plies = self.plies(library)?;
+        let mut files = FilesOnce { folder: self.assets(), read: BTreeMap::new() };
+        let mut read = |named: &str| files.read(named);
         // Weaving takes seconds and refuses what cannot be woven, building a model takes minutes.
-        let woven = if plies.are_complete() { None } else { Some(self.curves(run)?) };
+        let woven = if plies.are_complete() { None } else { Some(self.curves_of(&mut read, run)?) };
         let ClothPlyModels { models, mut notes } = plies.build(run)?;
         let mut of = format!("{} {MAKING} {}\n{}\n", env!("CARGO_PKG_VERSION"), self.is_draft, self.spec_text);
         for model in &models {
             of += &digest_of_bytes(&model.data().to_bytes()?);
         }
         for named in self.files() {
-            of += &digest_of_file(&self.folder.join(named))?;
+            of += &digest_of_bytes(&read(named)?);
         }
         let digest = digest_of_bytes(of.as_bytes());
         let cached = cloth_cache().map(|folder| folder.join(format!("{}.pwc", &digest[..24])));
@@ -250,7 +261,7 @@ impl ClothRecipe {
         {
             return Ok(PrecomputedCloth { data, digest, notes });
         }
-        let curves = woven.map_or_else(|| self.curves(run), Ok)?;
+        let curves = woven.map_or_else(|| self.curves_of(&mut read, run), Ok)?;
         let data = self.make(&curves, &models, true, run)?;
         notes.extend(curves.notes.iter().cloned());
         notes.push(match cached {
@@ -261,6 +272,24 @@ impl ClothRecipe {
             },
         });
         Ok(PrecomputedCloth { data, digest, notes })
+    }
+}
+
+/// Files of a folder, each of which is read once: what is cached under a file's digest is then made of the
+/// same bytes, even if the file changes in the meantime.
+struct FilesOnce {
+    folder: Folder,
+    read: BTreeMap<String, Vec<u8>>,
+}
+
+impl FilesOnce {
+    fn read(&mut self, name: &str) -> plywave::Result<Vec<u8>> {
+        if let Some(bytes) = self.read.get(name) {
+            return Ok(bytes.clone());
+        }
+        let bytes = self.folder.read(name, MAX_BYTES)?;
+        self.read.insert(name.into(), bytes.clone());
+        Ok(bytes)
     }
 }
 
@@ -306,6 +335,19 @@ mod tests {
         std::fs::write(folder.path().join("ply.toml"), format!("name = \"ply\"\n[yarn]\n{YARN}")).unwrap();
         assert_eq!(found("model = \"ply.toml\"\n").notes, [note("warp"), note("weft")]);
         assert_eq!([0, 1].map(|kind| recipe("").kind_name(kind)), ["warp", "weft"]);
+    }
+
+    /// Curves and digest are of the same bytes, though the file changes between them.
+    #[test]
+    fn files_of_a_spec_are_read_once() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("draft.wif");
+        std::fs::write(&path, "old").unwrap();
+        let mut files = FilesOnce { folder: Folder::new(folder.path()), read: BTreeMap::new() };
+        assert_eq!(files.read("draft.wif").unwrap(), b"old");
+        std::fs::write(&path, "another").unwrap();
+        assert_eq!(files.read("draft.wif").unwrap(), b"old");
+        assert!(files.read("../draft.wif").is_err());
     }
 
     #[test]

@@ -1,9 +1,10 @@
 """A soak of the farm: workers, or whole farms, that are killed at random moments, and what comes out.
 
     python python/tests/soak_cluster.py --workers 4 --kills 40 --specs fabrics/polyester.toml fabrics/cotton.toml
+    python python/tests/soak_cluster.py --workers 2 --kills 3 --at scatter --specs fabrics/polyester.toml
     python python/tests/soak_cluster.py --workers 2 --kills 20 --whole --specs fabrics/polyester.toml
 
-Workers die while they start, while data are sent to them and while they work. Prints how many died when, how many tasks were run again, how many shards the farm kept (each once), and whether
+Workers die while they start, while data are sent to them and while they work; with `--at`, only at one of these. Prints how many died when, how many tasks were run again, how many shards the farm kept (each once), and whether
 the models have the bits of one machine's. With `--whole` the command, its scheduler and all its workers die together, in the middle of shards, merges and fits, and the same command goes on with
 their cache. Exit code 1 where something is lost or differs.
 """
@@ -30,8 +31,8 @@ YOUNG_S = 1.0
 class Killer:
     """Kills workers of this machine at random moments while a `with` lasts, from the start of the first one on; `watch` has it kill workers to which data are about to be sent as well."""
 
-    def __init__(self, kills, seconds, seed=1):
-        self.kills, self.seconds, self.rng = kills, seconds, random.Random(seed)
+    def __init__(self, kills, seconds, seed=1, at=None):
+        self.kills, self.seconds, self.rng, self.at = kills, seconds, random.Random(seed), at
         self.starting = self.sending = self.working = 0
         self._made, self._begun = [], {}
         self._over, self._lock = threading.Event(), threading.Lock()
@@ -50,6 +51,16 @@ class Killer:
                 made.append(self)
 
         _workers.LocalWorkers = Watched
+        self._keep_shard = keep_shard = cluster.Cache.keep_shard
+
+        def keep(cache, *args):
+            keep_shard(cache, *args)
+            # Between two shards: one has just come.
+            pids = [pid for workers in made for pid in workers.pids()]
+            if self.at == "shards" and pids:
+                self.working += self._kill(self.rng.choice(pids))
+
+        cluster.Cache.keep_shard = keep
         self._thread = threading.Thread(target=self._run, daemon=True)
         self._thread.start()
         return self
@@ -57,13 +68,13 @@ class Killer:
     def __exit__(self, *_):
         self._over.set()
         self._thread.join()
-        _workers.LocalWorkers = self._kind
+        _workers.LocalWorkers, cluster.Cache.keep_shard = self._kind, self._keep_shard
 
     def watch(self, client):
         scatter = client.scatter
 
         def deadly(*args, workers, **options):
-            if self.killed < self.kills and self.rng.random() < 0.5:
+            if self.at in (None, "scatter") and self.killed < self.kills and (self.at or self.rng.random() < 0.5):
                 for pid in client.run(os.getpid, workers=workers, on_error="ignore").values():
                     self.sending += self._kill(pid)
             return scatter(*args, workers=workers, **options)
@@ -87,7 +98,9 @@ class Killer:
             pids = [pid for workers in self._made for pid in workers.pids()]
             for pid in pids:
                 self._begun.setdefault(pid, now)
-            if pids and now >= then:
+            if self.at == "start":
+                pids = [pid for pid in pids if now - self._begun[pid] < YOUNG_S]
+            if pids and now >= then and self.at in (None, "start"):
                 pid = self.rng.choice(pids)
                 young = now - self._begun[pid] < YOUNG_S
                 if self._kill(pid):
@@ -139,6 +152,7 @@ def main() -> int:
     parser.add_argument("--kills", type=int, default=40)
     parser.add_argument("--seconds", type=float, default=2.0, help="mean time between two kills")
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--at", choices=("start", "scatter", "shards"), help="kill workers only while they start, as data are sent to them, or between shards")
     parser.add_argument("--whole", action="store_true", help="kill command, scheduler and workers together")
     args = parser.parse_args()
     want = [plywave.build(spec, args.quality).to_bytes() for spec in args.specs]
@@ -146,7 +160,7 @@ def main() -> int:
         return die_whole(args.specs, args.quality, args.workers, args.kills, args.seconds, args.seed, want)
     begun = time.monotonic()
     got, retries, rounds = [], 0, 0
-    with tempfile.TemporaryDirectory() as folder, Killer(args.kills, args.seconds, args.seed) as killer, cluster.connect(local=args.workers) as client:
+    with tempfile.TemporaryDirectory() as folder, Killer(args.kills, args.seconds, args.seed, args.at) as killer, cluster.connect(local=args.workers) as client:
         killer.watch(client)
         # Until enough have died: each round has a cache of its own.
         while True:

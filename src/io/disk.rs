@@ -15,6 +15,8 @@ const MAX_LINKS: usize = 40;
 const TEMPORARY: [&str; 2] = [".plywave-", ".tmp"];
 /// Maximum number of temporary names that are tried, and of attempts to lock a file.
 const MAX_TRIES: usize = 100;
+/// Maximum number of times that a file which changes while it is read is read again.
+const MAX_READS: usize = 3;
 
 fn shown(path: &Path) -> String {
     path.display().to_string()
@@ -67,20 +69,38 @@ fn too_large(path: &Path, max_bytes: u64) -> Error {
     format_error(path, format!("larger than {max_bytes} bytes"), "use a smaller file")
 }
 
-/// The bytes of a regular file of at most `max_bytes` bytes.
+/// The bytes of a regular file of at most `max_bytes` bytes. A file that another program writes in the
+/// meantime is read again, so that the bytes are of one content. A change within the resolution of the file
+/// system's times, a few milliseconds, is not seen.
 ///
 /// # Errors
-/// Those of [`open_file`], and [`Error::Format`] for a larger file.
+/// Those of [`open_file`], and [`Error::Format`] for a larger file, and for one that changes at every read.
 pub fn read_file(path: impl AsRef<Path>, max_bytes: u64) -> Result<Vec<u8>> {
     let path = path.as_ref();
+    for _ in 0..MAX_READS {
+        if let Some(bytes) = read_unchanged(path, max_bytes)? {
+            return Ok(bytes);
+        }
+    }
+    Err(format_error(path, "changes while it is read".into(), "run it again when the file is complete"))
+}
+
+/// The bytes of a file; `None` if its size or its time of modification changed in the meantime.
+fn read_unchanged(path: &Path, max_bytes: u64) -> Result<Option<Vec<u8>>> {
     let mut file = open_file(path, max_bytes)?;
-    let size = file.get_ref().metadata().map_err(error_at(path))?.len();
+    let before = file.get_ref().metadata().map_err(error_at(path))?;
+    let size = before.len();
     let mut bytes = Vec::new();
     if bytes.try_reserve_exact(size as usize + 1).is_err() {
         return Err(format_error(path, format!("{size} bytes do not fit in memory"), "use a smaller file"));
     }
     file.read_to_end(&mut bytes).map_err(error_at(path))?;
-    if bytes.len() as u64 > max_bytes { Err(too_large(path, max_bytes)) } else { Ok(bytes) }
+    let after = file.get_ref().metadata().map_err(error_at(path))?;
+    // Systems without times of modification tell the size alone.
+    if (before.len(), before.modified().ok()) != (after.len(), after.modified().ok()) {
+        return Ok(None);
+    }
+    if bytes.len() as u64 > max_bytes { Err(too_large(path, max_bytes)) } else { Ok(Some(bytes)) }
 }
 
 /// The text of a regular file of at most `max_bytes` bytes in UTF-8.
@@ -148,8 +168,8 @@ pub fn write_file_with(
     let path = path.as_ref();
     let target = output_target(path)?;
     let folder = folder_of(&target);
-    let (temporary, file) = create_new(folder).map_err(error_at(path))?;
-    let written = fill(file, write).and_then(|()| {
+    let (temporary, file) = create_new(&target).map_err(error_at(path))?;
+    let written = fill(&file, write).and_then(|()| {
         if let Ok(old) = fs::metadata(&target) {
             fs::set_permissions(&temporary, old.permissions())?;
         }
@@ -159,6 +179,7 @@ pub fn write_file_with(
         // The first error is reported. Failure to remove the temporary file does not change it.
         let _ = fs::remove_file(&temporary);
     }
+    drop(file);
     written.map_err(error_at(path))?;
     // The rename is on the disk once the folder is. Some file systems do not support flushing a folder.
     if let Ok(folder) = File::open(folder) {
@@ -219,26 +240,60 @@ pub(super) fn folder_of(path: &Path) -> &Path {
 }
 
 /// Fills a new file and flushes it to the disk.
-pub(super) fn fill(file: File, write: impl FnOnce(&mut dyn Write) -> std::io::Result<()>) -> std::io::Result<()> {
+pub(super) fn fill(file: &File, write: impl FnOnce(&mut dyn Write) -> std::io::Result<()>) -> std::io::Result<()> {
     let mut out = BufWriter::with_capacity(1 << 16, file);
     write(&mut out)?;
     out.into_inner().map_err(std::io::IntoInnerError::into_error)?.sync_all()
 }
 
-/// A new file with an unpredictable name, in `folder`.
-pub(super) fn create_new(folder: &Path) -> std::io::Result<(PathBuf, File)> {
-    unused(folder, |path| OpenOptions::new().write(true).create_new(true).open(path))
+/// A new file with an unpredictable name beside `target`, locked while it is open.
+pub(super) fn create_new(target: &Path) -> std::io::Result<(PathBuf, File)> {
+    unused(target, |path| {
+        let file = OpenOptions::new().write(true).create_new(true).open(path)?;
+        // It is still unlocked here, so that `remove_leftovers` may take it.
+        let is_taken =
+            cfg!(unix) && (matches!(file.try_lock(), Err(TryLockError::WouldBlock)) || !is_there(&file, path));
+        if is_taken { Err(ErrorKind::AlreadyExists.into()) } else { Ok(file) }
+    })
 }
 
-/// An unpredictable name in `folder` at which `make` finds no other file, and what `make` returned for it.
-pub(super) fn unused<T>(folder: &Path, make: impl Fn(&Path) -> std::io::Result<T>) -> std::io::Result<(PathBuf, T)> {
+/// Removes what killed programs have left beside an output that they were writing. Files that a running
+/// program writes are locked and stay; on file systems without locks, and on other systems than Unix, all
+/// stay. Errors are ignored, since a leftover does no harm.
+pub fn remove_leftovers(output: impl AsRef<Path>) {
+    let Some(target) = output_target(output).ok().filter(|_| cfg!(unix)) else { return };
+    let Ok(entries) = fs::read_dir(folder_of(&target)) else { return };
+    let head = head_of(&target);
+    for entry in entries.flatten() {
+        let name = entry.file_name();
+        let name = name.to_string_lossy();
+        if name.starts_with(&head)
+            && is_temporary(&name)
+            && let Ok(file) = File::open(entry.path())
+            && file.try_lock().is_ok()
+        {
+            let _ = fs::remove_file(entry.path());
+        }
+    }
+}
+
+/// Start of the names of temporary files beside `target`.
+fn head_of(target: &Path) -> String {
+    let name = target.file_name().unwrap_or_default();
+    let hash = name.as_encoded_bytes().iter().fold(0, |hash, byte| mix64(hash ^ u64::from(*byte)));
+    format!("{}{hash:016x}-", TEMPORARY[0])
+}
+
+/// An unpredictable name beside `target` at which `make` finds no other file, and what `make` returned for
+/// it.
+pub(super) fn unused<T>(target: &Path, make: impl Fn(&Path) -> std::io::Result<T>) -> std::io::Result<(PathBuf, T)> {
+    let (folder, head) = (folder_of(target), head_of(target));
     let state = std::hash::RandomState::new();
     let mut last = ErrorKind::AlreadyExists.into();
     for k in 0..MAX_TRIES {
         let mut hasher = state.build_hasher();
         hasher.write_usize(k);
-        let [head, tail] = TEMPORARY;
-        let path = folder.join(format!("{head}{:016x}{tail}", mix64(hasher.finish())));
+        let path = folder.join(format!("{head}{:016x}{}", mix64(hasher.finish()), TEMPORARY[1]));
         match make(&path) {
             Ok(made) => return Ok((path, made)),
             Err(e) if e.kind() == ErrorKind::AlreadyExists => last = e,
@@ -278,6 +333,63 @@ mod tests {
         assert!(message.contains("larger than 2 bytes"), "{message}");
         assert!(matches!(write_file(folder.path().join("none/a"), b""), Err(Error::Io { .. })));
         assert!(write_file("", b"").is_err());
+    }
+
+    /// A reader sees one content of a file that other programs write, or says that it changes.
+    #[cfg(unix)]
+    #[test]
+    fn files_that_change_are_read_again() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a");
+        let contents = [vec![b'1'; 1 << 20], vec![b'2'; 1 << 20]];
+        fs::write(&path, &contents[0]).unwrap();
+        let (reads, is_over) = (std::sync::atomic::AtomicUsize::new(0), std::sync::atomic::AtomicBool::new(false));
+        use std::sync::atomic::Ordering::Relaxed;
+        std::thread::scope(|scope| {
+            // In place, with a rest that is longer than the resolution of times.
+            scope.spawn(|| {
+                for turn in 0.. {
+                    std::os::unix::fs::FileExt::write_all_at(
+                        &OpenOptions::new().write(true).open(&path).unwrap(),
+                        &contents[turn % 2],
+                        0,
+                    )
+                    .unwrap();
+                    if is_over.load(Relaxed) {
+                        return;
+                    }
+                    std::thread::sleep(std::time::Duration::from_millis(20));
+                }
+            });
+            let begun = std::time::Instant::now();
+            while begun.elapsed().as_millis() < 500 {
+                match read_file(&path, 1 << 20) {
+                    Ok(bytes) => {
+                        assert!(contents.contains(&bytes), "a mix of two contents");
+                        reads.fetch_add(1, Relaxed);
+                    }
+                    Err(error) => assert!(error.to_string().contains("changes while it is read"), "{error}"),
+                }
+            }
+            is_over.store(true, Relaxed);
+        });
+        assert!(reads.into_inner() > 0);
+    }
+
+    /// What a killed writer left goes; what another one writes, and what belongs to other outputs, stays.
+    #[cfg(unix)]
+    #[test]
+    fn leftovers_of_killed_writers_are_removed() {
+        let folder = tempfile::tempdir().unwrap();
+        let at = |name: &str| folder.path().join(name);
+        let (killed, file) = create_new(&at("a")).unwrap();
+        drop(file);
+        let (alive, _locked) = create_new(&at("a")).unwrap();
+        let (other, file) = create_new(&at("b")).unwrap();
+        drop(file);
+        fs::write(at(".plywave-diary.tmp"), "mine").unwrap();
+        remove_leftovers(at("a"));
+        assert!(!killed.exists() && alive.exists() && other.exists() && at(".plywave-diary.tmp").exists());
     }
 
     #[test]

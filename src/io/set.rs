@@ -10,8 +10,10 @@ struct Staged {
     path: PathBuf,
     target: PathBuf,
     temporary: PathBuf,
-    /// A second name of the file that was at the target.
-    old: Option<PathBuf>,
+    /// The new file, which is locked while it is open.
+    _file: File,
+    /// A second name of the file that was at the target, and that file, locked.
+    old: Option<(PathBuf, Option<File>)>,
     is_placed: bool,
 }
 
@@ -51,9 +53,10 @@ impl FileSet {
         }
         let folder = folder_of(&target);
         self.make_folders(folder).map_err(error_at(path))?;
-        let (temporary, file) = create_new(folder).map_err(error_at(path))?;
-        self.files.push(Staged { path: path.into(), target, temporary, old: None, is_placed: false });
-        fill(file, |out| out.write_all(bytes)).map_err(error_at(path))
+        let (temporary, file) = create_new(&target).map_err(error_at(path))?;
+        let filled = fill(&file, |out| out.write_all(bytes));
+        self.files.push(Staged { path: path.into(), target, temporary, _file: file, old: None, is_placed: false });
+        filled.map_err(error_at(path))
     }
 
     /// Creates a folder and its missing parents, and remembers them.
@@ -82,7 +85,7 @@ impl FileSet {
     /// folder is; some file systems do not flush folders.
     fn forget_old(&self) {
         for staged in &self.files {
-            if let Some(old) = &staged.old {
+            if let Some((old, _)) = &staged.old {
                 // The new files are in place, and a remaining old name does not change that.
                 let _ = fs::remove_file(old);
             }
@@ -116,8 +119,8 @@ impl Staged {
         let _ = match (&self.old, self.is_placed) {
             (None, false) => fs::remove_file(&self.temporary),
             (None, true) => fs::remove_file(&self.target),
-            (Some(old), true) => fs::rename(old, &self.target),
-            (Some(old), false) => {
+            (Some((old, _)), true) => fs::rename(old, &self.target),
+            (Some((old, _)), false) => {
                 let _ = fs::remove_file(&self.temporary);
                 // Renaming between two names of one file would leave both.
                 if self.target.exists() { fs::remove_file(old) } else { fs::rename(old, &self.target) }
@@ -127,12 +130,17 @@ impl Staged {
 }
 
 /// A second name of a file in its folder. Without support for hard links the file is renamed to it.
-fn second_name(target: &Path) -> std::io::Result<PathBuf> {
-    let name = unused(folder_of(target), |name| fs::hard_link(target, name));
-    name.or_else(|_| {
-        unused(folder_of(target), |name| if name.exists() { Err(already_exists()) } else { fs::rename(target, name) })
-    })
-    .map(|(name, ())| name)
+fn second_name(target: &Path) -> std::io::Result<(PathBuf, Option<File>)> {
+    // The lock comes before the name, so that `remove_leftovers` of another program leaves the name alone.
+    let file = File::open(target).ok().filter(|file| file.try_lock_shared().is_ok());
+    let name = unused(target, |name| fs::hard_link(target, name));
+    if let Ok((name, ())) = name {
+        return Ok((name, file));
+    }
+    // The only name of the old file now: one that `remove_leftovers` does not remove.
+    let old = |name: &Path| name.with_extension("old");
+    let rename = |name: &Path| if old(name).exists() { Err(already_exists()) } else { fs::rename(target, old(name)) };
+    Ok((old(&unused(target, rename)?.0), file))
 }
 
 fn already_exists() -> std::io::Error {

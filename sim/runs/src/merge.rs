@@ -10,8 +10,9 @@ use std::path::{Path, PathBuf};
 /// Files that together hold every shard of one job once.
 pub struct Parts {
     paths: Vec<PathBuf>,
-    /// Entries in the order of their shards: the file's number and the entry's number in it.
-    order: Vec<(usize, usize)>,
+    /// Entries in the order of their shards: the file's number, the entry's number in it, first shard and
+    /// number of shards.
+    order: Vec<(usize, usize, (usize, usize))>,
     description: Description,
     digest: String,
     shards: usize,
@@ -75,7 +76,7 @@ impl Parts {
             let what = format!("{}: shards {} of {} are missing", paths[0].display(), missing.join(", "), parts.shards);
             return Err(refuse(what, "run them with --shards, or give their files too"));
         }
-        parts.order = ranges.into_iter().map(|r| r.2).collect();
+        parts.order = ranges.into_iter().map(|(from, to, (file, entry))| (file, entry, (from, to - from))).collect();
         Ok(parts)
     }
 
@@ -114,11 +115,16 @@ impl Parts {
         let mut merge = job.begin();
         let mut sum: Option<Part> = None;
         let mut open: Option<(usize, PartFile)> = None;
-        for &(at, entry) in &self.order {
+        for &(at, entry, shards) in &self.order {
             let file = match open.take().filter(|(known, _)| *known == at) {
                 Some((_, file)) => file,
                 None => PartFile::open(&self.paths[at])?,
             };
+            // Another program may have replaced it since it was checked.
+            if file.digest() != self.digest || file.entries().nth(entry) != Some(shards) {
+                let what = format!("{}: changed while it was merged", self.paths[at].display());
+                return Err(RunError::Merge { what, hint: "merge again when all parts are complete".into() });
+            }
             let entry = file.entry(job, entry)?;
             open = Some((at, file));
             let end = entry.shards().end;

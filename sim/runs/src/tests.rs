@@ -263,6 +263,15 @@ fn merges_are_the_whole_run() {
     assert!(said(&[dir.path().join("x")]).contains("not a part"));
     assert!(said(&[dir.path().to_path_buf()]).contains("not a regular file"));
     assert!(Parts::open(&files).unwrap().merge(&Toy { name: "other", ..toy(13, 4) }).is_err());
+    // Parts that are replaced between the check and the merge: of another job, and with fewer shards.
+    let fewer = part_files(dir.path(), &job, 13).remove(4);
+    for replaced in [&other[1], &fewer] {
+        let files = part_files(dir.path(), &job, 3);
+        let parts = Parts::open(&files).unwrap();
+        std::fs::copy(replaced, &files[1]).unwrap();
+        let error = parts.merge(&job).map(|_| ()).unwrap_err().to_string();
+        assert!(error.contains("2-of-3.pwp: changed while it was merged"), "{error}");
+    }
     let none = run_part(&job, (1, 14), &dir.path().join("y"), Run::plain());
     assert!(matches!(none, Err(RunError::TooManyParts { shards: 13, .. })), "{none:?}");
 }

@@ -12,7 +12,7 @@ use plywave::PlyModel;
 use plywave::cloth::{ClothData, ClothModel, ClothOptions};
 use plywave::ply::PlyData;
 use plywave::spec::YarnSpec;
-use plywave_pipeline::{ClothPlies, ClothRecipe, PrecomputedCloth, Progress, Run, digest_of_bytes, digest_of_file};
+use plywave_pipeline::{ClothPlies, ClothRecipe, PrecomputedCloth, Progress, Run, digest_of_bytes};
 use plywave_sim::cloth::MadeCloth;
 use std::path::Path;
 use std::sync::Arc;
@@ -61,8 +61,9 @@ pub fn make(cli: &Cli, recipe: &ClothRecipe, curves: &MadeCloth, models: &[Arc<P
 /// The cloth of a cloth file, or of a spec, whose cloth is precomputed and cached if necessary.
 pub fn precomputed(cli: &Cli, file: &Path) -> Outcome<PrecomputedCloth> {
     if kinds::kind_of(file) == Some(InputKind::ClothFile) {
-        let digest = digest_of_file(file)?;
-        return Ok(PrecomputedCloth { data: ClothData::load(file)?, digest, notes: Vec::new() });
+        let bytes = plywave::io::read_file(file, ClothData::KIND.most_bytes())?;
+        let data = ClothData::from_bytes(&bytes, &file.display().to_string())?;
+        return Ok(PrecomputedCloth { data, digest: digest_of_bytes(&bytes), notes: Vec::new() });
     }
     let (recipe, library) = (recipe(file)?, cli.library()?);
     with_progress(cli, |run| recipe.precomputed(&library, run))

@@ -45,9 +45,11 @@ pub fn run(cli: &Cli, args: &SwatchArgs) -> Outcome {
     let seconds = begun.elapsed().as_secs_f64();
     let json = serde_json::to_string_pretty(&fit).unwrap_or_default() + "\n";
     progress::stoppable(|| -> Outcome {
-        output::write_whole(output, fit.spec.as_bytes())?;
-        output::write_whole(&report, json.as_bytes())?;
-        output::write_whole(&picture, &fit.picture)
+        output::write_set(&[
+            (output.as_path(), fit.spec.as_bytes()),
+            (&report, json.as_bytes()),
+            (&picture, &fit.picture),
+        ])
     })?;
     if cli.json {
         return output::print_json(&serde_json::json!({

@@ -8,10 +8,10 @@ use crate::commands::make::fibers::Fibers;
 use crate::failure::{Failure, Outcome};
 use crate::kinds;
 use crate::progress::STOP;
-use crate::rendering::{About, Outputs, camera, camera_flags, check_flags, film, mesh, setup, shoot};
+use crate::rendering::{About, InputDigests, Outputs, camera, camera_flags, check_flags, film, mesh, setup, shoot};
 use plywave::cloth::{ClothModel, ClothOptions, GapLight, Slits};
 use plywave::gap::{SLIT_MAX_UM, SLIT_SHARE};
-use plywave_pipeline::{PrecomputedCloth, digest_of_file};
+use plywave_pipeline::PrecomputedCloth;
 use plywave_render::{RenderOptions, Setup, render, render_matter};
 use std::path::{Path, PathBuf};
 
@@ -45,12 +45,13 @@ pub fn run(cli: &Cli, args: &RenderArgs) -> Outcome {
         return Err(Failure::input("command line", "--integrator", "dual", hint));
     }
     let outputs = Outputs::from_args(args)?;
-    let mut inputs: Vec<(&str, PathBuf)> = vec![("cloth", args.cloth.clone())];
+    let mut inputs: Vec<(String, PathBuf)> = vec![("cloth".into(), args.cloth.clone())];
     let is_spec = kinds::kind_of(&args.cloth) == Some(kinds::InputKind::Cloth);
     let named = if is_spec { cloth_file::recipe(&args.cloth)?.inputs() } else { Vec::new() };
-    inputs.extend(args.mesh.iter().map(|m| ("mesh", m.clone())));
-    inputs.extend(args.sky.iter().map(|s| ("sky", s.clone())));
-    let read: Vec<&Path> = inputs.iter().chain(&named).map(|(_, path)| path.as_path()).collect();
+    inputs.extend(args.mesh.iter().map(|m| ("mesh".into(), m.clone())));
+    inputs.extend(args.sky.iter().map(|s| ("sky".into(), s.clone())));
+    let named = named.iter().map(|(_, path)| path.as_path());
+    let read: Vec<&Path> = inputs.iter().map(|(_, path)| path.as_path()).chain(named).collect();
     let _held = outputs.hold(&read)?;
     outputs.check_sums(args)?;
     let without = |part: ClothPart| args.without.contains(&part);
@@ -72,13 +73,12 @@ pub fn run(cli: &Cli, args: &RenderArgs) -> Outcome {
     let camera = camera(args, setup.camera(size))?;
     // Quick checks come before work that takes seconds.
     let mut input_notes = Vec::new();
+    let digests = InputDigests::take(&inputs[1..]);
     let mesh = mesh(args, size, &mut input_notes)?;
     let sky = crate::rendering::sky(args, &mut input_notes)?;
     let PrecomputedCloth { data, digest, mut notes } = cloth_file::precomputed(cli, &args.cloth)?;
     let mut of = vec![("version".to_string(), env!("CARGO_PKG_VERSION").to_string()), ("cloth".to_string(), digest)];
-    for (name, path) in &inputs[1..] {
-        of.push(((*name).to_string(), digest_of_file(path)?));
-    }
+    of.extend(digests.check()?);
     for (name, value) in [
         ("--setup", format!("{:?}", named)),
         ("--size-mm", size.to_string()),

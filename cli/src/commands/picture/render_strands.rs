@@ -4,10 +4,9 @@ use crate::args::{Cli, Integrator, RenderArgs};
 use crate::failure::{Failure, Outcome};
 use crate::output;
 use crate::progress::STOP;
-use crate::rendering::{About, Outputs, camera, camera_flags, check_flags, failed, film, shoot};
+use crate::rendering::{About, InputDigests, Outputs, camera, camera_flags, check_flags, failed, film, shoot};
 use crate::strand_scene::{Loaded, StrandSpec};
 use crate::threads::on_threads;
-use plywave_pipeline::digest_of_file;
 use plywave_render::{RenderOptions, StrandDual, StrandDualOptions, render_strands, render_strands_dual};
 use std::path::{Path, PathBuf};
 
@@ -38,14 +37,16 @@ pub fn run(cli: &Cli, args: &RenderArgs) -> Outcome {
     check_flags(args)?;
     check_foreign(args)?;
     let outputs = Outputs::from_args(args)?;
-    let spec = StrandSpec::load(&args.cloth)?;
     let mut inputs: Vec<(String, PathBuf)> = vec![("scene of strands".into(), args.cloth.clone())];
+    let scene_digest = InputDigests::take(&inputs);
+    let spec = StrandSpec::load(&args.cloth)?;
     inputs.extend(spec.inputs().into_iter().map(|(name, path)| (name.to_string(), path)));
     inputs.extend(args.sky.iter().map(|s| ("sky".to_string(), s.clone())));
     let read: Vec<&Path> = inputs.iter().map(|(_, path)| path.as_path()).collect();
     let _held = outputs.hold(&read)?;
     outputs.check_sums(args)?;
     let mut notes = Vec::new();
+    let digests = InputDigests::take(&inputs[1..]);
     let sky = crate::rendering::sky(args, &mut notes)?;
     let Loaded { scene, camera: own, notes: scene_notes, included } = spec.load_scene(sky)?;
     let camera = camera(args, own)?;
@@ -54,14 +55,14 @@ pub fn run(cli: &Cli, args: &RenderArgs) -> Outcome {
     let included_paths: Vec<&Path> = included.iter().map(PathBuf::as_path).collect();
     outputs.each().try_for_each(|path| output::check_writable(path, &included_paths))?;
     let folder = args.cloth.parent().unwrap_or(Path::new(""));
-    inputs.extend(included.into_iter().map(|path| {
+    let included = included.into_iter().map(|path| {
         let name = path.strip_prefix(folder).unwrap_or(&path).display().to_string();
         (format!("included file {name}"), path)
-    }));
+    });
     let mut of = vec![("version".to_string(), env!("CARGO_PKG_VERSION").to_string())];
-    for (name, path) in &inputs {
-        of.push((name.clone(), digest_of_file(path)?));
-    }
+    of.extend(scene_digest.check()?);
+    of.extend(digests.check()?);
+    of.extend(InputDigests::take(&included.collect::<Vec<_>>()).check()?);
     for (name, value) in [
         ("--width", args.width.into()),
         ("--height", args.height.into()),
