@@ -526,6 +526,8 @@ def disturb(args, kinds, program, folder):
     trials = []
     if set(kinds) - {"farm"}:
         made = commands(bench)
+        wanted = {name for kind in kinds if kind in KINDS for name in KINDS[kind][2] if not args.commands or name in args.commands}
+        made = {name: command for name, command in made.items() if name in wanted}
         for name, command in made.items():
             path = bench.fresh(command)
             begun = time.monotonic()
