@@ -85,8 +85,8 @@ pub fn read_file(path: impl AsRef<Path>, max_bytes: u64) -> Result<Vec<u8>> {
     Err(format_error(path, "changes while it is read".into(), "run it again when the file is complete"))
 }
 
-/// The bytes of a file; `None` if its size or its time of modification changed in the meantime. Tests change it
-/// when it is `opened`.
+/// The bytes of a file; `None` if its size or its time of modification changed in the meantime. Tests change
+/// it when it is `opened`.
 fn read_unchanged(path: &Path, max_bytes: u64, opened: impl FnOnce()) -> Result<Option<Vec<u8>>> {
     let mut file = open_file(path, max_bytes)?;
     let before = file.get_ref().metadata().map_err(error_at(path))?;
