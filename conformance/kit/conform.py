@@ -17,6 +17,7 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 import checks
 import truth  # noqa: F401  (registers its checks)
+import cloths  # noqa: F401
 from pipe import Pipe
 
 

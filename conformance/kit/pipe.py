@@ -1,6 +1,6 @@
 """The kit's protocol: one JSON object a line, requests on stdin, answers on stdout (docs/howto/conformance.md).
 
-`serve` turns an object with describe, eval, pdf and sample into an adapter; `Pipe` talks to an adapter.
+`serve` turns an object with describe, eval, pdf, sample and, where light goes straight on, straight into an adapter; `Pipe` talks to an adapter.
 """
 import json
 import shlex
@@ -35,7 +35,9 @@ def respond(adapter, request):
     if kind == "sample":
         found = adapter.sample(request, np.array(request["u"], float).reshape(-1, 3))
         return {name: listed(values) for name, values in found.items()}
-    raise ValueError(f"do = {kind!r}: use describe, eval, pdf or sample")
+    if kind == "straight":
+        return {"straight": float(adapter.straight(request)) if hasattr(adapter, "straight") else 0.0}
+    raise ValueError(f"do = {kind!r}: use describe, eval, pdf, sample or straight")
 
 
 def listed(values):
@@ -79,6 +81,9 @@ class Pipe:
     def sample(self, q, u):
         found = self.ask({**q, "do": "sample", "u": u.tolist()})
         return {name: np.array(values, float) for name, values in found.items()}
+
+    def straight(self, q):
+        return float(self.ask({**q, "do": "straight"})["straight"])
 
     def close(self):
         self.process.stdin.close()
