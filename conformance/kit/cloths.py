@@ -124,7 +124,7 @@ def authored_albedo(s):
     mu, w = 0.5 * (x + 1.0), 0.5 * w
     turns = np.arange(2 if s.fast else 4) * np.pi / (2 if s.fast else 4) * 2.0 + 0.3
     low, high, default = s.ranges["albedo"]
-    for albedo in sorted({low, default, high}):
+    for albedo in sorted({0.5 * (low + high), default, high}):
         light = met = 0.0
         for side in (1.0, -1.0):
             for m, wm in zip(mu, w):

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Proves the kit: changes single lines of reference.py, one fault at a time, and shows which check finds each.
+"""Proves the kit: changes single lines of reference.py and reference_larger.py, one fault at a time, and shows which check finds each.
 
     python3 conformance/kit/mutations.py [--markdown OUT.md] [--all-checks]
 
@@ -7,6 +7,7 @@ The unchanged reference must pass every check, and every mutation must fail one.
 A mutation stops at the first check that fails, or, with --all-checks, runs all and lists those that fail.
 """
 import argparse
+import concurrent.futures
 import sys
 import time
 from pathlib import Path
@@ -67,6 +68,38 @@ FAULTS = [
     ("not a number at grazing light", "cos_i * cos_o / v) - sin_i", "cos_i * cos_o / v) * (0.0 * cos_i / np.float64(cos_i > 1e-6) + 1.0) - sin_i"),
 ]
 
+# The same of reference_larger.py: name of the model, fault, line, line with the fault.
+FAULTS_LARGER = [
+    ("sheet", "reflected light 1 % too much", "        self.r, self.t = r, t", "        self.r, self.t = 1.01 * r, t"),
+    ("sheet", "BSDF without its cosine", "np.where(same, self.r, self.t) * np.abs(wo[:, 2]) / PI", "np.where(same, self.r, self.t) / PI"),
+    ("sheet", "straight light counted in f too", "        t = (1.0 - self.gap) * p[\"albedo\"] * p[\"through\"]", "        t = (1.0 - self.gap) * p[\"albedo\"] * p[\"through\"] + self.gap"),
+    ("sheet", "lit from the back as from the front: sides not turned with wi", "wo[:, 2] * wi[2] > 0.0", "wo[:, 2] > 0.0"),
+    ("sheet", "samples of the back on the wrong side", " * (1.0 if wi[2] >= 0.0 else -1.0)", ""),
+    ("sheet", "cosine sampled by its angle: z = 1 - u", "z, phi = np.sqrt(1.0 - u[:, 1]), 2.0 * PI * u[:, 2]\n        c = np.sqrt(u[:, 1])", "z, phi = 1.0 - u[:, 1], 2.0 * PI * u[:, 2]\n        c = np.sqrt(1.0 - z**2)"),
+    ("sheet", "straight samples weighted with f", "return wo, scattered, np.where(straight, 1.0, 0.0)\n\n\nclass Strand", "return wo, scattered, np.where(straight, self.r + self.t, 0.0)\n\n\nclass Strand"),
+    ("sheet", "a gap that is never sampled", "straight = ~scattered & (u[:, 0] < self.r + self.t + self.gap)", "straight = ~scattered & (u[:, 0] < 0.0)"),
+    ("sheet", "two layers: straight light of both added", "self.gap = self.gap**2", "self.gap = 2.0 * self.gap"),
+    ("sheet", "two layers: one path between them in place of all", "down = (t + r**2 * self.gap) / (1.0 - r**2)", "down = t + r**2 * self.gap"),
+    ("sheet", "two layers: even light does not pass the gaps", "(t + self.gap) * down + t * self.gap", "t * down + t * self.gap"),
+    ("sheet", "two layers: light that fell straight on the lower one is lost", "up = r * (down + self.gap)", "up = r * down"),
+    ("sheet", "two layers: R and T of each multiplied", "r, t = r + (t + self.gap) * up, (t + self.gap) * down + t * self.gap", "r, t = r, (t + self.gap) ** 2 - self.gap**2"),
+    ("sheet", "not reciprocal: brighter toward a grazing viewer", "self.t) * np.abs(wo[:, 2]) / PI", "self.t) * np.abs(wo[:, 2]) / PI * (1.5 - np.abs(wo[:, 2])) / (1.5 - 2.0 / 3.0)"),
+    ("sheet", "a marked direction: brighter to +x", "self.t) * np.abs(wo[:, 2]) / PI", "self.t) * np.abs(wo[:, 2]) / PI * (1.0 + 0.05 * wo[:, 0])"),
+    ("sheet", "numbers that are not finite are taken", "    if not all(np.all(np.isfinite(v)) for v in values):", "    if False:"),
+    ("sheet", "not a number where wi is grazing", "same = wo[:, 2] * wi[2] > 0.0", "same = wo[:, 2] / np.float64(wi[2] if abs(wi[2]) > 2e-3 else np.nan) > 0.0\n        wo = wo / (wo[:, :1] * 0.0 + (1.0 if abs(wi[2]) > 2e-3 else np.nan))"),
+    ("thin sheet", "gap not taken off what is scattered", "        r = (1.0 - self.gap) * p[\"albedo\"] * (1.0 - p[\"through\"])", "        r = p[\"albedo\"] * (1.0 - p[\"through\"])"),
+    ("thin sheet", "authored color taken twice", "r = (1.0 - self.gap) * p[\"albedo\"] *", "r = (1.0 - self.gap) * p[\"albedo\"] ** 2 *"),
+    ("thin sheet", "authored color of the cloth with its gaps", "        self.r, self.t = r, t", "        self.r, self.t = r * (1.0 - self.gap), t * (1.0 - self.gap)"),
+    ("thin sheet", "cover in place of the gap", "        self.r, self.t = r, t", "        self.r, self.t, self.gap = r, t, (1.0 - r - t) * self.gap"),
+    ("strand", "offset's sign lost", "0.5 * p[\"twist\"] * h", "0.5 * p[\"twist\"] * abs(h)"),
+    ("strand", "twist of one hand only", "0.5 * p[\"twist\"] * h", "0.5 * abs(p[\"twist\"]) * h"),
+    ("strand", "light that passes not taken off", "self.kept = (1.0 - self.gap) * p[\"albedo\"]", "self.kept = p[\"albedo\"]"),
+    ("strand", "even over the sphere: not reciprocal", "cos = np.sqrt(np.maximum(0.0, 1.0 - wo[:, 2] ** 2))\n        return self.kept * cos / PI**2", "return self.kept / (4.0 * PI)"),
+    ("strand", "latitude sampled evenly in its sine", "z = np.sqrt(u[:, 1]) * np.cos(2.0 * PI * u[:, 2])", "z = 2.0 * u[:, 1] - 1.0"),
+    ("strand", "far field at the middle in place of the mean", "x, w = np.polynomial.legendre.leggauss(8)", "x, w = np.array([0.0]), np.array([2.0])"),
+    ("strand", "straight light of the rim everywhere", "return sum(w * m.gap for w, m in self.parts(q))", "return q[\"parameters\"][\"gap\"]"),
+]
+
 # Where a fault of this kind was reported in public code.
 SOURCES = {
     1: "MaterialX issue 2960, `chiang_hair_bsdf`",
@@ -78,18 +111,29 @@ SOURCES = {
 }
 
 
-def mutated(source, old, new, name):
-    """The reference with one fault, as an adapter."""
-    if source.count(old) != 1:
-        raise SystemExit(f"mutations.py: {name}: {old!r} stands {source.count(old)} times in reference.py; name one place")
-    space = {"__name__": "mutation", "__file__": str(HERE / "reference.py")}
+FILES = {"Reference": "reference.py", "Larger": "reference_larger.py"}
+# Name, model, its class, line, line with the fault.
+CASES = [(name, "reference", "Reference", old, new) for name, old, new in FAULTS]
+CASES += [(f"{of}: {name}", of, "Larger", old, new) for of, name, old, new in FAULTS_LARGER]
+
+
+def mutated(name, made, old, new):
+    """A reference with one fault, as an adapter."""
+    file = HERE / FILES[made]
+    source = file.read_text()
+    if old != new and source.count(old) != 1:
+        raise ValueError(f"mutations.py: {name}: {old!r} stands {source.count(old)} times in {file.name}; name one place")
+    space = {"__name__": "mutation", "__file__": str(file)}
     exec(compile(source.replace(old, new), name, "exec"), space)
-    return space["Reference"]()
+    return space[made]()
 
 
-def judge(adapter, stop):
-    model = {**adapter.describe()["models"][0], "mutation": True}
-    return [r for r in conform.run_model(adapter, model, fast=True, stop=stop) if r["failed"]]
+def judge(case, stop):
+    """Checks that a case fails."""
+    name, of, made, old, new = case
+    adapter = mutated(name, made, old, new)
+    model = next(m for m in adapter.describe()["models"] if m["name"] == of)
+    return [r for r in conform.run_model(adapter, {**model, "mutation": True}, fast=True, stop=stop) if r["failed"]]
 
 
 def main():
@@ -97,14 +141,15 @@ def main():
     parser.add_argument("--markdown", type=Path, help="write the table here")
     parser.add_argument("--all-checks", action="store_true", help="list every check that finds a fault")
     args = parser.parse_args()
-    source = (HERE / "reference.py").read_text()
     begun = time.time()
-    wrong = judge(mutated(source, "LOBES = 4\n", "LOBES = 4\n", "unchanged"), False)
+    unchanged = [("the unchanged reference", of, made, "PI", "PI") for of, made in sorted({c[1:3] for c in CASES})]
+    with concurrent.futures.ProcessPoolExecutor() as pool:
+        wrong = [r for found in pool.map(judge, unchanged, [False] * len(unchanged)) for r in found]
+        results = list(pool.map(judge, CASES, [not args.all_checks] * len(CASES)))
     for r in wrong:
         print(f"the unchanged reference fails {r['check']}: {r['value']:.3g} of {r['limit']:.3g} at {r['where']}")
     lines, missed = ["| fault | found by | worst | limit |", "|---|---|---|---|"], 0
-    for name, old, new in FAULTS:
-        found = judge(mutated(source, old, new, name), not args.all_checks)
+    for (name, *_), found in zip(CASES, results):
         missed += not found
         by = ", ".join(r["check"] for r in found) or "NOT FOUND"
         value, limit = (f"{found[0]['value']:.3g}", f"{found[0]['limit']:.3g}") if found else ("", "")
@@ -114,7 +159,7 @@ def main():
         notes = [f"- [{number}] {text}" for number, text in SOURCES.items()]
         args.markdown.write_text("\n".join([*lines, "", *notes]) + "\n")
     state = "passes" if not wrong else "FAILS"
-    print(f"reference {state}; {len(FAULTS) - missed} of {len(FAULTS)} faults found, {time.time() - begun:.0f} s")
+    print(f"reference {state}; {len(CASES) - missed} of {len(CASES)} faults found, {time.time() - begun:.0f} s")
     return int(bool(wrong) or missed > 0)
 
 

@@ -189,20 +189,22 @@ def tilt(s):
             yield max(a - shift[p], shift[p] - b, 0.0), slack, f"{NAMES[p]} {place(q)}"
 
 
-@check("far is the mean of near", {"far_is_mean"}, ("fiber",))
+@check("far is the mean of near", {"far_is_mean"}, ("fiber", "ply"))
 def far_is_mean(s):
-    """The far field is the mean over h of the near field, h uniform in [-1, 1].
+    """The far field is the mean over h of the near field, h uniform in [-1, 1]; so is what is straight.
 
     By Gauss-Legendre over asin h with 128 nodes. Limit: 1 % of the largest value, which a table's interpolation may
     cost, and the difference that half the nodes make."""
     for wi, _ in s.incidences()[: 2 if s.fast else 4]:
         wo = spread(s, 100)
-        means = []
+        means, straight = [], 0.0
         for nodes in (64, 128):
             x, w = np.polynomial.legendre.leggauss(nodes)
             h, w = np.sin(0.5 * np.pi * x), 0.25 * np.pi * w * np.cos(0.5 * np.pi * x)
             means.append(sum(wk * s.eval(s.query(wi, hk, "near"), wo) for hk, wk in zip(h, w)))
+            straight = sum(wk * s.straight(s.query(wi, hk, "near")) for hk, wk in zip(h, w))
         q = s.query(wi, 0.0, "far")
+        yield abs(straight - s.straight(q)), 0.01, f"straight {place(q)}"
         yield far_apart(means[1], s.eval(q, wo)), 0.01 + far_apart(*means), place(q)
 
 
