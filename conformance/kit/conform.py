@@ -31,13 +31,14 @@ def run_model(adapter, model, fast=False, only=None, stop=False, seed=1):
     for name, claims, kinds, function in checks.CHECKS:
         if not applies(model, claims, kinds) or (only and only not in name):
             continue
-        worst, count, failed, begun = None, 0, 0, time.time()
+        worst, count, failed, begun, ratios = None, 0, 0, time.time(), []
         try:
             with np.errstate(all="ignore"):
                 for value, limit, where in function(subject):
                     value = float(value)
                     ratio = np.inf if np.isnan(value) else value / limit if limit > 0.0 else (np.inf if value > 0.0 else 0.0)
                     count, failed = count + 1, failed + (ratio > 1.0)
+                    ratios.append(ratio)
                     if worst is None or ratio > worst[0]:
                         worst = (ratio, value, limit, where)
                     if stop and failed:
@@ -47,7 +48,7 @@ def run_model(adapter, model, fast=False, only=None, stop=False, seed=1):
         if count:
             _, value, limit, where = worst
             row = dict(check=name, value=value, limit=limit, where=where, count=count, failed=failed)
-            results.append({**row, "seconds": time.time() - begun})
+            results.append({**row, "seconds": time.time() - begun, "ratios": ratios})
         if stop and failed:
             break
     return results
@@ -81,20 +82,27 @@ def entry(r):
     return f"**misses {r['failed']} of {r['count']}**: {text}" if r["failed"] else text
 
 
+def strip(ratios):
+    """An SVG of all queries: value over limit on a log scale, each factor of 10 is 25 px and 100 px is the limit."""
+    x = [100.0 + 25.0 * np.log10(np.clip(r, 1e-4, 1e4)) if np.isfinite(r) else 200.0 for r in ratios]
+    y = [4.0 + 12.0 * (k * 0.618 % 1.0) for k in range(len(x))]
+    colors = ["#b00020" if not r <= 1.0 else "#4a7" for r in ratios]
+    dots = "".join(f"<circle cx={a:.1f} cy={b:.1f} r=2.5 fill='{color}' fill-opacity=.6 />" for a, b, color in zip(x, y, colors))
+    return f"<svg width=206 height=20><path d='M100 0V20' stroke='#888'/>{dots}</svg>"
+
+
 def page(described, tables):
-    """An HTML page: the same tables, with a bar of value over limit on a log scale."""
+    """An HTML page: the same tables, with a plot of all queries of each check."""
     out = [f"<!doctype html><meta charset=utf-8><title>{html.escape(described['name'])}</title>"]
     out.append("<style>body{font:14px sans-serif;margin:2em}td,th{padding:.2em .6em;text-align:left}"
-               ".f{color:#b00020}.bar{height:.7em;background:#4a7}.f .bar{background:#b00020}</style>")
+               ".f{color:#b00020}</style>")
     out.append(f"<h1>{html.escape(described['name'])} {html.escape(described['version'])}</h1>")
     for model, results in tables:
-        out.append(f"<h2>{html.escape(model['name'])}</h2><table><tr>" + "".join(f"<th>{h}" for h in HEAD + ["worst / limit, log"]))
+        out.append(f"<h2>{html.escape(model['name'])}</h2><table><tr>" + "".join(f"<th>{h}" for h in HEAD + ["all queries, value / limit, log"]))
         for r in results:
-            ratio = r["value"] / r["limit"] if r["limit"] > 0 else (0.0 if r["value"] == 0 else 1e3)
-            width = 100.0 + 25.0 * np.log10(np.clip(ratio, 1e-4, 1e4)) if np.isfinite(ratio) else 200.0
             row = "".join(f"<td>{html.escape(c)}" for c in cells(r))
-            out.append(f"<tr{' class=f' if r['failed'] else ''}>{row}<td><div class=bar style='width:{width:.0f}px'></div>")
-        out.append("</table><p>A bar of 100 px is at the limit; 25 px are a factor of 10.")
+            out.append(f"<tr{' class=f' if r['failed'] else ''}>{row}<td>{strip(r['ratios'])}")
+        out.append("</table><p>A dot is a query: left of the line it is within the limit; each 25 px are a factor of 10.")
     return "\n".join(out)
 
 

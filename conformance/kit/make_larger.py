@@ -22,7 +22,7 @@ from make_data import rounded, write
 HERE = Path(__file__).resolve().parent
 FABRICS = HERE.parents[1] / "fabrics"
 SEEDS = (71, 72)
-PLIES = {"polyester": [], "cotton": [], "cotton_2ply": ["--plies", "traced"]}
+PLIES = ["polyester", "cotton"]
 PLY_SIGMAS, CLOTH_SIGMAS = (0.0, 0.01), (0.0, 0.01)
 CLOTHS = ["organza", "percale", "jersey"]
 # Tilt from the normal and azimuth from the weft [degrees]; the last comes from the back.
@@ -75,16 +75,16 @@ def spec_of(name):
 
 def plies(args):
     rows, specs = [], {}
-    for name, more in PLIES.items():
+    for name in PLIES:
         each = []
         for seed in SEEDS:
             out = args.folder / f"{name}_{seed}.pwt"
             if not out.exists():
-                run(args, "simulate", FABRICS / f"{name}.toml", *more, "--preset", "preview", "--paths", args.ply_paths, "--seed", seed, "-o", out)
+                run(args, "simulate", FABRICS / f"{name}.toml", "--preset", "preview", "--paths", args.ply_paths, "--seed", seed, "-o", out)
             each.append(tensors(out)[0])
         a, b = each
         specs[name] = spec_of(name)
-        radius = radius_um(specs[name])
+        radius = tomllib.loads(specs[name])["ply"]["radius_um"]
         sigma = [int(np.argmin(np.abs(a["sigma_per_um"] - s))) for s in PLY_SIGMAS]
         chosen = [(m, n) for m in range(len(a["theta_i"])) for n in range(len(a["h_um"])) if abs(a["h_um"][n]) < 0.95 * radius]
         # Both seeds of all rows together: one pair alone says little of its own spread.
@@ -105,12 +105,12 @@ def plies(args):
     how = (
         f"plywave simulate, preset preview, seeds {SEEDS}: rays traced through the explicit fibers of random packings, in "
         "geometric optics, of a Gaussian beam at h. Means of both seeds. se: standard error of any energy here, from the "
-        "seeds' differences over all rows of this ply. cotton_2ply has both plies traced together. noise: sum over bins of "
+        "seeds' differences over all rows of this ply. noise: sum over bins of "
         "the variance of density, from the seeds."
     )
     words = (
         "The axis is z. theta is the latitude of wi, whose azimuth is 0; h is the offset of the beam's middle over the "
-        "radius of the ply, or of the circle around a yarn's plies: a ray meets the ply at asin h. straight: share of the beam that hits no fiber; refl: that was only reflected at "
+        "radius of the ply: a ray meets the ply at asin h. straight: share of the beam that hits no fiber; refl: that was only reflected at "
         "fibers; high: all other scattered light, by absorption of the fibers [1/um]. density: refl + high at sigma 0, means of f "
         f"[1/sr] over {BINS[0]} bins equal in z from -1 by {BINS[1]} of the azimuth from 0. specs: the yarn specs, lengths in um."
     )
@@ -266,13 +266,6 @@ def main():
     for name, make in MAKERS.items():
         if args.only in (None, name):
             make(args)
-
-
-def radius_um(spec):
-    """Radius of a ply, or of the circle around the plies of a yarn, which touch."""
-    keys = tomllib.loads(spec)
-    plies = keys.get("yarn", {}).get("plies", 1)
-    return keys["ply"]["radius_um"] * (1.0 + 1.0 / np.sin(np.pi / plies) if plies > 1 else 1.0)
 
 
 if __name__ == "__main__":

@@ -20,10 +20,10 @@ from pipe import serve
 
 MODELS = HERE.parents[2] / "fabrics/models"
 LAMBDA_UM = 0.55
-NAMES = sys.argv[1:] or ["polyester", "cotton", "wool", "cotton_2ply", "silk", "glass", "gold"]
+NAMES = sys.argv[1:] or ["polyester", "cotton", "wool", "cotton_2ply", "silk", "gold"]
 # docs/explain/conventions.md: "a ply's f is reciprocal to a few percent".
 ACCURACY = {"reciprocal": 0.05}
-UNTWISTED, METALS, TRACED = ["glass", "glass_bundle", "polyester_bundle"], ["gold"], ["polyester", "cotton", "wool", "cotton_2ply"]
+UNTWISTED, METALS, TRACED = ["glass", "glass_bundle", "polyester_bundle"], ["gold"], ["polyester", "cotton"]
 NODES, SHARES = np.polynomial.legendre.leggauss(48)
 OFFSETS, SHARES = np.sin(0.5 * np.pi * NODES), 0.25 * np.pi * SHARES * np.cos(0.5 * np.pi * NODES)
 
