@@ -28,7 +28,7 @@ CLOTHS = ["organza", "percale", "jersey"]
 # Tilt from the normal and azimuth from the weft [degrees]; the last comes from the back.
 VIEWS = [(0, 0), (60, 0), (60, 90), (45, 45), (75, 30), (135, 20)]
 WITH_DENSITY = ["organza", "percale"]
-BINS = (12, 24)
+BINS, PLY_BINS = (12, 24), (12, 18)
 
 
 def tensors(path):
@@ -56,20 +56,19 @@ def coarse(density, shape=BINS):
 
 
 def in_equal_z(density):
-    """Means over bins equal in z of a density in bins equal in latitude: by the overlap of their areas."""
+    """Means over bins equal in z of a density in bins equal in latitude, by the overlap of their areas."""
     steps, columns = density.shape
     edges = np.sin(np.linspace(-0.5 * np.pi, 0.5 * np.pi, steps + 1))
-    out = np.zeros((BINS[0], columns))
-    for k in range(BINS[0]):
-        low, high = -1.0 + 2.0 * k / BINS[0], -1.0 + 2.0 * (k + 1) / BINS[0]
+    out = np.zeros((PLY_BINS[0], columns))
+    for k in range(PLY_BINS[0]):
+        low, high = -1.0 + 2.0 * k / PLY_BINS[0], -1.0 + 2.0 * (k + 1) / PLY_BINS[0]
         share = np.clip(np.minimum(edges[1:], high) - np.maximum(edges[:-1], low), 0.0, None)
         out[k] = share @ density / (high - low)
-    return out.reshape(BINS[0], BINS[1], -1).mean(axis=2)
+    return coarse(out, PLY_BINS)
 
 
-def spec_of(name):
-    """The spec's keys without its comments."""
-    text = (FABRICS / f"{name}.toml").read_text()
+def without_comments(text):
+    """The keys of a spec."""
     return "\n".join(line.split(" #")[0].rstrip() for line in text.splitlines() if line.strip() and not line.startswith("#"))
 
 
@@ -81,9 +80,10 @@ def plies(args):
             out = args.folder / f"{name}_{seed}.pwt"
             if not out.exists():
                 run(args, "simulate", FABRICS / f"{name}.toml", "--preset", "preview", "--paths", args.ply_paths, "--seed", seed, "-o", out)
-            each.append(tensors(out)[0])
+            found, document = tensors(out)
+            each.append(found)
         a, b = each
-        specs[name] = spec_of(name)
+        specs[name] = without_comments(document["spec"])
         radius = tomllib.loads(specs[name])["ply"]["radius_um"]
         sigma = [int(np.argmin(np.abs(a["sigma_per_um"] - s))) for s in PLY_SIGMAS]
         chosen = [(m, n) for m in range(len(a["theta_i"])) for n in range(len(a["h_um"])) if abs(a["h_um"][n]) < 0.95 * radius]
@@ -98,7 +98,7 @@ def plies(args):
             row["high"] = {str(s): float(mean("energy_high")[i]) for s, i in zip(PLY_SIGMAS, sigma)}
             row = rounded({**row, "se": se}, 5)
             if m in (0, turn // 2, turn - 2) and abs(h) < 0.7:
-                bins = [in_equal_z(turned_to_x(np.array(t["refl"][m, n], float) + t["high"][m, n, sigma[0]])) for t in each]
+                bins = [in_equal_z(np.array(t["refl"][m, n], float) + t["high"][m, n, sigma[0]]) for t in each]
                 row["density"] = rounded(0.5 * (bins[0] + bins[1]), 3)
                 row["noise"] = rounded(float(np.sum((bins[0] - bins[1]) ** 2) / 4.0), 3)
             rows.append(row)
@@ -109,17 +109,12 @@ def plies(args):
         "the variance of density, from the seeds."
     )
     words = (
-        "The axis is z. theta is the latitude of wi, whose azimuth is 0; h is the offset of the beam's middle over the "
-        "radius of the ply: a ray meets the ply at asin h. straight: share of the beam that hits no fiber; refl: that was only reflected at "
+        "The axis is z. theta is the latitude of wi, whose azimuth is 90 degrees; h is the offset of the beam's middle over the "
+        "radius of the ply: a ray meets the ply at the azimuth of wi + asin h. straight: share of the beam that hits no fiber; refl: that was only reflected at "
         "fibers; high: all other scattered light, by absorption of the fibers [1/um]. density: refl + high at sigma 0, means of f "
-        f"[1/sr] over {BINS[0]} bins equal in z from -1 by {BINS[1]} of the azimuth from 0. specs: the yarn specs, lengths in um."
+        f"[1/sr] over {PLY_BINS[0]} bins equal in z from -1 by {PLY_BINS[1]} of the azimuth from 0. specs: the yarn specs, lengths in um."
     )
     write("plies", how, words, rows, specs=specs)
-
-
-def turned_to_x(density):
-    """A density by azimuth from a beam at pi/2 with x across, as of a beam at azimuth 0."""
-    return np.roll(density, -density.shape[1] // 4, axis=1)
 
 
 def cloths(args):
@@ -134,7 +129,7 @@ def cloths(args):
                 run(args, "twin", FABRICS / "cloths" / f"{name}.toml", "--paths", args.paths, "--sigma", sigmas, "--views", views, "--seed", seed, "-o", out)
             each.append(tensors(out)[0])
         a, b = each
-        specs[name] = spec_of(f"cloths/{name}")
+        specs[name] = without_comments((FABRICS / f"cloths/{name}.toml").read_text())
         for v, (tilt, azimuth) in enumerate(VIEWS):
             for k, sigma in enumerate(CLOTH_SIGMAS):
                 row = dict(of=name, tilt_deg=float(min(tilt, 180 - tilt)), wi=[float(x) for x in a["views"][v]], sigma_per_um=sigma)

