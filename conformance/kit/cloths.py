@@ -1,7 +1,7 @@
 """Checks of what is larger than a fiber: plies (strands of fibers) and cloths, seen as a mean over their cell.
 
 Light that goes straight on is a delta apart from f: `straight` of a query, and `straight` of each sample.
-Limits of the comparisons with traced fibers are those of `plywave check`: what a fitted model is asked for.
+Limits of the comparisons with traced fibers are those of `plywave check`.
 """
 import numpy as np
 
