@@ -88,7 +88,7 @@ beta_m = [{beta_m}, {beta_m}, {beta_m}]
 beta_n = {beta_n}
 orders = 8
 """
-NODES, SHARES = np.polynomial.legendre.leggauss(48)
+NODES, SHARES = np.polynomial.legendre.leggauss(96)
 OFFSETS, SHARES = np.sin(0.5 * np.pi * NODES), 0.25 * np.pi * SHARES * np.cos(0.5 * np.pi * NODES)
 
 

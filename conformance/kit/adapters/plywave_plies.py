@@ -24,7 +24,7 @@ NAMES = sys.argv[1:] or ["polyester", "cotton", "wool", "cotton_2ply", "silk", "
 # docs/explain/conventions.md: "a ply's f is reciprocal to a few percent".
 ACCURACY = {"reciprocal": 0.05}
 UNTWISTED, METALS, TRACED = ["glass", "glass_bundle", "polyester_bundle"], ["gold"], ["polyester", "cotton"]
-NODES, SHARES = np.polynomial.legendre.leggauss(48)
+NODES, SHARES = np.polynomial.legendre.leggauss(96)
 OFFSETS, SHARES = np.sin(0.5 * np.pi * NODES), 0.25 * np.pi * SHARES * np.cos(0.5 * np.pi * NODES)
 
 
