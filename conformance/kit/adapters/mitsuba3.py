@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Adapter of Mitsuba 3: hair, roughdielectric, roughconductor, diffuse, principled, principledthin, rough plastic.
+"""Adapter of Mitsuba 3: hair and the surfaces without delta lobes that need no file.
 
     python3 conformance/kit/conform.py "python3 conformance/kit/adapters/mitsuba3.py"
 
@@ -62,27 +62,50 @@ def rough_plastic(p):
     return {"type": "roughplastic", "diffuse_reflectance": rgb(p["albedo"]), "alpha": p["alpha"], "int_ior": 1.5, "distribution": "ggx"}
 
 
+def principled_glass(p):
+    return {"type": "principled", "base_color": rgb(1.0), "roughness": p["roughness"], "spec_trans": p["spec_trans"], "eta": p["eta"]}
+
+
 BETA = [0.15, 1.0, 0.3]
-# Maker, kind, fields, parameters [low, high, default], claims that follow from a plugin's page.
+# Black is left out: a weight of 0 is how `sample` says that it failed, and a black model has no other.
+ALBEDO = [0.05, 1.0, 0.5]
+# GGX takes the square of it, and principledthin transmits with 0.39 of that, which the kit's grid must see.
+ROUGH = [0.3, 1.0, 0.5]
+# Name: plugin, kind, parameters [low, high, default], claims beyond what the plugin's flags say (`claims`).
 MODELS = {
-    "hair": (hair, "fiber", ["near"], {"eta": [1.1, 2.0, 1.55], "tau": [0.0, 5.0, 0.0], "alpha": [-0.1, 0.1, 0.0], "beta_m": BETA, "beta_n": BETA},
+    # Its page: "an implementation of the hair model described in [..] Chiang et al.", a near field.
+    "hair": (hair, "fiber", {"eta": [1.1, 2.0, 1.55], "tau": [0.0, 5.0, 0.0], "alpha": [-0.1, 0.1, 0.0], "beta_m": BETA, "beta_n": BETA},
              ["lossless", "smooth_cylinder", "chiang", "circular"]),
-    "roughdielectric": (rough_dielectric, "surface", ["surface"], {"eta": [1.1, 2.0, 1.5], "alpha": [0.1, 0.8, 0.3]},
-                        ["circular", "reciprocal", "two_sided", "ggx_plane"]),
-    "roughconductor": (rough_conductor, "surface", ["surface"], {"eta": [0.2, 3.0, 0.4], "kappa": [0.0, 7.0, 2.5], "alpha": [0.1, 0.8, 0.3]},
-                       ["circular", "reciprocal"]),
-    "diffuse": (diffuse, "surface", ["surface"], {"albedo": [0.0, 1.0, 1.0]}, ["circular", "reciprocal"]),
-    "roughplastic": (rough_plastic, "surface", ["surface"], {"albedo": [0.0, 1.0, 0.5], "alpha": [0.1, 0.8, 0.3]}, ["circular", "reciprocal"]),
-    "principled": (principled, "surface", ["surface"], {"albedo": [0.0, 1.0, 0.5], "roughness": [0.2, 1.0, 0.5], "metallic": [0.0, 1.0, 0.0], "sheen": [0.0, 1.0, 0.0]},
-                   ["circular", "reciprocal"]),
-    "principledthin": (principled_thin, "surface", ["surface"], {"albedo": [0.0, 1.0, 0.5], "roughness": [0.2, 1.0, 0.5], "diff_trans": [0.0, 2.0, 0.6], "sheen": [0.0, 1.0, 0.0], "spec_trans": [0.0, 1.0, 0.0]},
-                       ["circular", "two_sided"]),
+    # Its page: "based on the paper Microfacet Models for Refraction through Rough Surfaces by Walter et al.",
+    # which is reciprocal but for the squares of the indices, and masks by G1(wi) G1(wo).
+    "roughdielectric": (rough_dielectric, "surface", {"eta": [1.3, 2.0, 1.5], "alpha": [0.1, 0.8, 0.3]}, ["reciprocal", "ggx_plane"]),
+    "roughconductor": (rough_conductor, "surface", {"eta": [0.2, 3.0, 0.4], "kappa": [0.0, 7.0, 2.5], "alpha": [0.1, 0.8, 0.3]}, []),
+    "diffuse": (diffuse, "surface", {"albedo": ALBEDO}, []),
+    "roughplastic": (rough_plastic, "surface", {"albedo": ALBEDO, "alpha": [0.1, 0.8, 0.3]}, []),
+    "principled": (principled, "surface", {"albedo": ALBEDO, "roughness": ROUGH, "metallic": [0.0, 1.0, 0.0], "sheen": [0.0, 1.0, 0.0]}, []),
+    "principled, glass": (principled_glass, "surface", {"roughness": [0.4, 1.0, 0.5], "spec_trans": [0.0, 1.0, 0.9], "eta": [1.3, 2.0, 1.5]}, []),
+    "principledthin": (principled_thin, "surface", {"albedo": ALBEDO, "roughness": ROUGH, "diff_trans": [0.0, 2.0, 0.6], "sheen": [0.0, 1.0, 0.0],
+                                                    "spec_trans": [0.0, 1.0, 0.0]}, []),
 }
+
+
+def claims(name):
+    """What a plugin says of itself, in its flags at the defaults and, for `MODELS`, on its page."""
+    make, kind, parameters, more = MODELS[name]
+    flags, says = mi.load_dict(make({k: v[2] for k, v in parameters.items()})).flags(), list(more)
+    if kind == "surface":
+        says += ["circular"] if not mi.has_flag(flags, mi.BSDFFlags.Anisotropic) else []
+        says += ["reciprocal"] if not mi.has_flag(flags, mi.BSDFFlags.NonSymmetric) else []
+        says += ["two_sided"] if mi.has_flag(flags, mi.BSDFFlags.BackSide) else []
+    return sorted(set(says))
 
 
 class Mitsuba:
     def describe(self):
-        models = [dict(name=n, kind=k, fields=f, parameters=p, claims=c) for n, (_, k, f, p, c) in MODELS.items()]
+        models = [
+            dict(name=n, kind=kind, fields=["near" if kind == "fiber" else "surface"], parameters=p, claims=claims(n))
+            for n, (_, kind, p, _) in MODELS.items()
+        ]
         return {"protocol": 1, "name": "Mitsuba 3", "version": f"{mi.__version__} llvm_ad_rgb", "models": models}
 
     @functools.lru_cache(maxsize=64)
@@ -138,11 +161,9 @@ class Mitsuba:
         bs, weight = self.bsdf(q).sample(self.context, self.interaction(q, n), s1, s2)
         w = np.broadcast_to(np.array(weight)[0], n)
         wo = np.stack([np.broadcast_to(np.array(x), n) for x in (bs.wo.x, bs.wo.y, bs.wo.z)], axis=1)
-        pdf = np.broadcast_to(np.array(bs.pdf), n)
-        # A sample without weight where `pdf` is 0 is one that failed, such as a reflection below the horizon.
-        back = self.world(q, wo)
-        failed = (w == 0.0) & (self.pdf(q, back) == 0.0)
-        return {"wo": back, "weight": w, "pdf": np.where(failed, 0.0, pdf)}
+        # `BSDF::sample`: "A zero spectrum indicates that sampling failed", "the contents are undefined" then.
+        pdf = np.where(w == 0.0, 0.0, np.broadcast_to(np.array(bs.pdf), n))
+        return {"wo": self.world(q, wo), "weight": w, "pdf": pdf}
 
 
 def vectors(w):
