@@ -14,6 +14,8 @@ INTEGRAL = 1e-3
 # width 0.05 has slopes of 20 to 60 per radian, and directions are good to 1e-6 near the pole of theta.
 POINT = 1e-3
 CHECKS = []
+# Requests of a model that a model answers, where `describe` does not name fewer.
+METHODS = ("eval", "pdf", "sample")
 
 
 KINDS = ("fiber", "surface", "ply", "cloth")
@@ -21,11 +23,11 @@ KINDS = ("fiber", "surface", "ply", "cloth")
 ROUND, FLAT = ("fiber", "ply"), ("surface", "cloth")
 
 
-def check(name, claims=(), kinds=KINDS):
-    """Registers a check for models of these kinds that make all these claims."""
+def check(name, claims=(), kinds=KINDS, needs=()):
+    """Registers a check for models of these kinds that make all these claims and answer these requests beside eval."""
 
     def register(function):
-        CHECKS.append((name, set(claims), kinds, function))
+        CHECKS.append((name, set(claims), kinds, set(needs), function))
         return function
 
     return register
@@ -37,6 +39,7 @@ class Subject:
     def __init__(self, adapter, model, fast=False, seed=1):
         self.adapter, self.model, self.fast, self.seed = adapter, model, fast, seed
         self.claims = set(model.get("claims", []))
+        self.methods = set(model.get("methods", METHODS))
         self.ranges = model["parameters"]
         self.grid = Grid((12, 24), (4, 4) if fast else (8, 8))
         self.samples = 4000 if fast else 40000
@@ -177,16 +180,18 @@ def bounded(s):
 def positive(s):
     """f and pdf are finite and not negative, and pdf > 0 where f matters.
 
-    Value: 1 for a value that is negative or not finite; else the share of energy at directions without density."""
+    Value: 1 for a value that is negative or not finite; else the share of energy at directions without density.
+    Of a model without pdf: f alone."""
     for q in s.queries():
-        f, pdf = s.on_grid(q), s.on_grid(q, "pdf")
+        f = s.on_grid(q)
+        pdf = s.on_grid(q, "pdf") if "pdf" in s.methods else np.ones(len(f))
         total = f.sum(axis=1) if f.ndim == 2 else f
         bad = not (np.all(np.isfinite(total)) and np.all(np.isfinite(pdf)) and f.min() >= 0.0 and pdf.min() >= 0.0)
         unseen = s.grid.weight[pdf <= 0.0] @ total[pdf <= 0.0]
         yield (1.0 if bad else unseen), 1e-4, place(q)
 
 
-@check("pdf integral")
+@check("pdf integral", needs=("pdf", "sample"))
 def pdf_integral(s):
     """The density of what `sample` scatters integrates to the share of samples that are scattered (pdf > 0).
 
@@ -199,7 +204,7 @@ def pdf_integral(s):
         yield missed(total, share, resolution), INTEGRAL + error, place(q)
 
 
-@check("weight x pdf = eval")
+@check("weight x pdf = eval", needs=("pdf", "sample"))
 def weight(s):
     """weight = f / pdf at the sampled direction, and pdf(wo) is the pdf that `sample` gave.
 
@@ -218,7 +223,7 @@ def weight(s):
         yield max(float(np.percentile(o, 99)) if np.all(np.isfinite(o)) else np.nan for o in off), POINT, place(q)
 
 
-@check("chi-square")
+@check("chi-square", needs=("pdf", "sample"))
 def chi_squares(s):
     """Counts of samples in 288 bins, and of those not scattered, against the integral of pdf over each bin.
 
@@ -243,7 +248,7 @@ def chi_squares(s):
         yield -np.log10(max(p, 1e-99)), limit, place(q)
 
 
-@check("sampled energy")
+@check("sampled energy", needs=("sample",))
 def sampled_energy(s):
     """The mean weight estimates integral f dwo. Value: distance in standard errors of that mean. Limit: 4.5, which
     a correct model exceeds with a probability of 7e-6 a query. Quadrature to INTEGRAL is added to the error."""
@@ -291,7 +296,8 @@ def roll(s):
             r = {**q, "wi": turned([q["wi"]], angle)[0].tolist()}
             wo = spread(s)
             yield far_apart(s.eval(q, wo), s.eval(r, turned(wo, angle))), POINT, f"turn by {angle} {place(q)}"
-            yield far_apart(s.adapter.pdf(q, wo), s.adapter.pdf(r, turned(wo, angle))), POINT, f"turn by {angle} {place(q)}"
+            if "pdf" in s.methods:
+                yield far_apart(s.adapter.pdf(q, wo), s.adapter.pdf(r, turned(wo, angle))), POINT, f"turn by {angle} {place(q)}"
 
 
 @check("mirror", {"circular"})
@@ -304,7 +310,8 @@ def mirror(s):
         r = {**q, "wi": (np.array(q["wi"]) * flip).tolist(), "h": -q["h"]}
         wo = spread(s)
         yield far_apart(s.eval(q, wo), s.eval(r, wo * flip)), POINT, place(q)
-        yield far_apart(s.adapter.pdf(q, wo), s.adapter.pdf(r, wo * flip)), POINT, place(q)
+        if "pdf" in s.methods:
+            yield far_apart(s.adapter.pdf(q, wo), s.adapter.pdf(r, wo * flip)), POINT, place(q)
 
 
 @check("tangent flip", {"circular"}, ("fiber",))
@@ -387,9 +394,13 @@ def corners(s):
         for wi, h in steep:
             q = s.query(wi, h, **case)
             wo = np.concatenate([spread(s, 20), [q["wi"]], [[-x for x in q["wi"]]], [[0.0, 0.0, 1.0], [0.0, 0.0, -1.0]]])
-            d = s.adapter.sample(q, u)
-            values = [s.eval(q, wo), s.adapter.pdf(q, wo), d["weight"], d["pdf"]]
+            values, lengths = [s.eval(q, wo)], np.ones(0)
+            if "pdf" in s.methods:
+                values.append(s.adapter.pdf(q, wo))
+            if "sample" in s.methods:
+                d = s.adapter.sample(q, u)
+                values += [d["weight"], d["pdf"]]
+                lengths = np.linalg.norm(np.asarray(d["wo"])[np.asarray(d["pdf"]) > 0.0], axis=1)
             bad = sum(int(np.sum(~np.isfinite(v) | (np.asarray(v) < 0.0))) for v in values)
-            hit = np.asarray(d["pdf"]) > 0.0
-            bad += int(np.sum(~(np.abs(np.linalg.norm(np.asarray(d["wo"])[hit], axis=1) - 1.0) < 1e-4)))
+            bad += int(np.sum(~(np.abs(lengths - 1.0) < 1e-4)))
             yield float(bad), 0.0, place(q)

@@ -21,15 +21,16 @@ import cloths  # noqa: F401
 from pipe import Pipe
 
 
-def applies(model, claims, kinds):
-    return model["kind"] in kinds and claims <= set(model.get("claims", []))
+def applies(model, claims, kinds, needs):
+    answers = set(model.get("methods", checks.METHODS))
+    return model["kind"] in kinds and claims <= set(model.get("claims", [])) and needs <= answers
 
 
 def run_model(adapter, model, fast=False, only=None, stop=False, seed=1):
     """Results of all checks that apply: dicts of check, value, limit, where, count, failed."""
     subject, results = checks.Subject(adapter, model, fast, seed), []
-    for name, claims, kinds, function in checks.CHECKS:
-        if not applies(model, claims, kinds) or (only and only not in name):
+    for name, claims, kinds, needs, function in checks.CHECKS:
+        if not applies(model, claims, kinds, needs) or (only and only not in name):
             continue
         worst, count, failed, begun, ratios = None, 0, 0, time.time(), []
         try:
