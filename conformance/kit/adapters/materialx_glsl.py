@@ -157,30 +157,36 @@ UNIT = [0.0, 1.0, 0.5]
 WHITE, ALPHA = [0.0, 1.0, 1.0], [0.1, 0.8, 0.3]
 BETA = [0.15, 1.0, 0.3]
 HAIR = {"eta": [1.1, 2.0, 1.55], "tau": [0.0, 5.0, 0.0], "alpha": [-0.1, 0.1, 0.0], "beta_m": BETA, "beta_n": BETA}
-MATTE = {"albedo": WHITE, "roughness": UNIT}
+MATTE = {"albedo": [0.1, 1.0, 1.0], "roughness": UNIT}
+SHEEN = {"albedo": [0.1, 1.0, 1.0], "roughness": [0.1, 1.0, 0.5]}
 CHIANG = ["lossless", "smooth_cylinder", "chiang", "circular"]
 FLAT = ["circular", "reciprocal"]
 # Lines of the generated shader that a twin of a model has otherwise. A lobe apart needs a tint of the later orders.
 LATER = ("tint[3] = tint_TRT;", "tint[3] = vec3(u_later);")
 DENSITY = ("(1.0 / 2.0 * M_PI)", "(0.5 / M_PI)")
 OVER_PI = ("bsdf.response = F * closureData.occlusion * M_PI_INV;", "bsdf.response = F * closureData.occlusion;")
+# The tilt belongs to the direction that is held, the viewer's, so that turned light loses no solid angle at the pole.
+TILT = [("mx_hair_alpha_angles(alpha, sinThetaI, cosThetaI, angles);", "mx_hair_alpha_angles(alpha, sinThetaO, cosThetaO, angles);"),
+        ("(angles[i].x, angles[i].y, sinThetaO, cosThetaO, vs[i].x)", "(angles[i].x, abs(angles[i].y), sinThetaI, cosThetaI, vs[i].x)")]
+# I_0 has 10 terms up to 12, and half of its second term beyond.
+BESSEL = [("for (int i = 0; i < 9 ; ++i)", "for (int i = 0; i < 16 ; ++i)"), ("1.0 / (8.0 * x))", "1.0 / (4.0 * x) + 1.0 / (8.0 * x * x))")]
 CUT = [(f"roughness_{k} = clamp(roughness_{k}, 0.001, 1.0);", "") for k in ("R", "TT", "TRT")]
 # Node, its fixed inputs, maker of inputs, parameters [low, high, default], claims, replaced lines.
 MODELS = {
     "chiang_hair_bsdf": ("chiang_hair_bsdf", {}, hair, HAIR, CHIANG, []),
-    "chiang_hair_bsdf, mended": ("chiang_hair_bsdf", {}, hair, HAIR, CHIANG, [DENSITY, OVER_PI, *CUT]),
+    "chiang_hair_bsdf, mended": ("chiang_hair_bsdf", {}, hair, HAIR, CHIANG, [DENSITY, OVER_PI, *CUT, *TILT, *BESSEL]),
     "oren_nayar_diffuse_bsdf": ("oren_nayar_diffuse_bsdf", {}, color_and_roughness, MATTE, FLAT, []),
     "oren_nayar_diffuse_bsdf, compensated": ("oren_nayar_diffuse_bsdf", {"energy_compensation": True}, color_and_roughness, MATTE, FLAT, []),
     "burley_diffuse_bsdf": ("burley_diffuse_bsdf", {}, color_and_roughness, MATTE, FLAT, []),
-    "sheen_bsdf, conty_kulla": ("sheen_bsdf", {"mode": "conty_kulla"}, color_and_roughness, MATTE, FLAT, []),
-    "sheen_bsdf, zeltner": ("sheen_bsdf", {"mode": "zeltner"}, color_and_roughness, MATTE, ["circular"], []),
-    "dielectric_bsdf": ("dielectric_bsdf", {}, dielectric, {"eta": [1.1, 2.0, 1.5], "alpha": ALPHA}, FLAT, []),
-    "conductor_bsdf": ("conductor_bsdf", {}, conductor, {"eta": [0.2, 3.0, 0.4], "kappa": [0.0, 7.0, 2.5], "alpha": ALPHA}, FLAT, []),
-    "generalized_schlick_bsdf": ("generalized_schlick_bsdf", {}, schlick, {"f0": [0.0, 1.0, 1.0], "alpha": ALPHA}, FLAT, []),
+    "sheen_bsdf, conty_kulla": ("sheen_bsdf", {"mode": "conty_kulla"}, color_and_roughness, SHEEN, FLAT, []),
+    "sheen_bsdf, zeltner": ("sheen_bsdf", {"mode": "zeltner"}, color_and_roughness, SHEEN, ["circular"], []),
+    "dielectric_bsdf": ("dielectric_bsdf", {}, dielectric, {"eta": [1.1, 2.0, 1.5], "alpha": ALPHA}, ["circular"], []),
+    "conductor_bsdf": ("conductor_bsdf", {}, conductor, {"eta": [0.2, 3.0, 0.4], "kappa": [0.0, 7.0, 2.5], "alpha": ALPHA}, ["circular"], []),
+    "generalized_schlick_bsdf": ("generalized_schlick_bsdf", {}, schlick, {"f0": [0.0, 1.0, 1.0], "alpha": ALPHA}, ["circular"], []),
     "open_pbr_surface": ("open_pbr_surface", {}, open_pbr,
                          {"albedo": WHITE, "roughness": [0.3, 1.0, 0.5], "diffuse_roughness": [0.0, 1.0, 0.0], "metalness": [0.0, 1.0, 0.0],
                           "fuzz": [0.0, 1.0, 0.0], "fuzz_roughness": [0.2, 1.0, 0.5], "coat": [0.0, 1.0, 0.0]}, ["circular"], []),
-    "open_pbr_surface, thin": ("open_pbr_surface", {}, open_pbr_thin, {"albedo": WHITE, "anisotropy": [-1.0, 1.0, 0.0]}, ["circular"], []),
+    "open_pbr_surface, thin": ("open_pbr_surface", {}, open_pbr_thin, {"albedo": [0.1, 1.0, 1.0], "anisotropy": [-1.0, 1.0, 0.0]}, ["circular"], []),
     "standard_surface": ("standard_surface", {}, standard,
                          {"albedo": WHITE, "roughness": [0.3, 1.0, 0.5], "metalness": [0.0, 1.0, 0.0], "sheen": [0.0, 1.0, 0.0],
                           "sheen_roughness": [0.2, 1.0, 0.5], "coat": [0.0, 1.0, 0.0]}, ["circular"], []),
