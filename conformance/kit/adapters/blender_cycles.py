@@ -30,7 +30,8 @@ SIDE = 96
 RADIUS, HALF, AWAY, SPACING = 0.5, 1.0, 1.0, 3.6
 # Offsets beyond this are asked here: a ray that touches the rim misses it by rounding.
 RIM = 0.9995
-# Spread of a pixel's ray [rad]. `hair, Huang` takes the mean over the offsets that a pixel covers: h +- 0.02, or all.
+# Spread of a pixel's ray [rad]. `hair, Huang` takes the mean over the offsets that a pixel covers: h +- 0.02,
+# or all.
 PIXEL = {"near": 0.02, "far": 4.0, "surface": 0.02}
 CAMERA = """
 shader table(output point position = 0, output vector direction = 0, output color throughput = 1,
@@ -109,8 +110,8 @@ MODELS = {
     "principled": ("Principled", {"distribution": "MULTI_GGX"}, principled, PRINCIPLED, ["circular"]),
 }
 FIBERS = ("HairPrincipled",)
-# Nodes whose value is a random estimate, with the evaluations of a picture. It has noise of about 1 %, which integrals
-# even out, so that it makes no claim that is checked direction by direction.
+# Nodes whose value is a random estimate, with the evaluations of a picture. Its noise of about 1 % is evened
+# out in integrals: no claim is made that is checked direction by direction.
 DRAWN = {"hair, Huang": 1 << 19}
 # Inputs whose defaults are others. Some models of a node lack some of them.
 FIXED = {"HairPrincipled": {"Random Roughness": 0.0, "Coat": 0.0, "Aspect Ratio": 1.0}, "Glossy": {"Color": grey(1.0)}, "Glass": {"Color": grey(1.0)}}

@@ -161,11 +161,12 @@ MATTE = {"albedo": [0.1, 1.0, 1.0], "roughness": UNIT}
 SHEEN = {"albedo": [0.1, 1.0, 1.0], "roughness": [0.1, 1.0, 0.5]}
 CHIANG = ["lossless", "smooth_cylinder", "chiang", "circular"]
 FLAT = ["circular", "reciprocal"]
-# Lines of the generated shader that a twin of a model has otherwise. A lobe apart needs a tint of the later orders.
+# Lines of the generated shader that a twin of a model has otherwise.
+# A lobe apart needs a tint of the later orders.
 LATER = ("tint[3] = tint_TRT;", "tint[3] = vec3(u_later);")
 DENSITY = ("(1.0 / 2.0 * M_PI)", "(0.5 / M_PI)")
 OVER_PI = ("bsdf.response = F * closureData.occlusion * M_PI_INV;", "bsdf.response = F * closureData.occlusion;")
-# The tilt belongs to the direction that is held, the viewer's, so that turned light loses no solid angle at the pole.
+# The tilt belongs to the direction that is held, the viewer's: turned light loses no solid angle at the pole.
 TILT = [("mx_hair_alpha_angles(alpha, sinThetaI, cosThetaI, angles);", "mx_hair_alpha_angles(alpha, sinThetaO, cosThetaO, angles);"),
         ("(angles[i].x, angles[i].y, sinThetaO, cosThetaO, vs[i].x)", "(angles[i].x, abs(angles[i].y), sinThetaI, cosThetaI, vs[i].x)")]
 # I_0 has 10 terms up to 12, and half of its second term beyond.
