@@ -103,7 +103,7 @@ MODELS = {
     "sheen, Ashikhmin": ("Sheen", {"distribution": "ASHIKHMIN"}, matte, SHEEN, ["circular", "reciprocal"]),
     "glossy, GGX": ("Glossy", {"distribution": "GGX"}, facets, {"alpha": ALPHA}, ["circular", "reciprocal"]),
     "glossy, multiple GGX": ("Glossy", {"distribution": "MULTI_GGX"}, facets, {"alpha": ALPHA}, ["circular"]),
-    "glass, GGX": ("Glass", {"distribution": "GGX"}, facets, {"eta": ETA, "alpha": ALPHA}, ["circular", "reciprocal", "two_sided", "ggx_plane"]),
+    "glass, GGX": ("Glass", {"distribution": "GGX"}, facets, {"eta": ETA, "alpha": ALPHA}, ["circular", "reciprocal", "two_sided"]),
     "glass, multiple GGX": ("Glass", {"distribution": "MULTI_GGX"}, facets, {"eta": ETA, "alpha": ALPHA}, ["circular", "two_sided", "lossless"]),
     "metallic, GGX": ("Metallic", {"distribution": "GGX", "fresnel_type": "PHYSICAL_CONDUCTOR"}, facets,
                       {"eta": [0.2, 3.0, 0.4], "kappa": [0.0, 7.0, 2.5], "alpha": ALPHA}, ["circular", "reciprocal"]),
