@@ -146,9 +146,30 @@ pub enum Command {
 #[cfg(test)]
 mod tests {
     use clap::CommandFactory;
+    use std::collections::BTreeSet;
+
+    /// What clap checks of itself in builds without optimization alone: no two flags of a command are the same.
+    /// Each also says what it does.
+    fn check(command: &clap::Command) {
+        let mut flags = BTreeSet::new();
+        for argument in command.get_arguments() {
+            let long = argument.get_long().map(|l| format!("--{l}"));
+            let short = argument.get_short().map(|s| format!("-{s}"));
+            for flag in long.into_iter().chain(short) {
+                assert!(flags.insert(flag.clone()), "{}: {flag} twice", command.get_name());
+            }
+            assert!(argument.get_help().is_some(), "{}: {} has no help", command.get_name(), argument.get_id());
+        }
+        let names: BTreeSet<_> = command.get_subcommands().map(clap::Command::get_name).collect();
+        assert_eq!(names.len(), command.get_subcommands().count(), "{}", command.get_name());
+        command.get_subcommands().for_each(check);
+    }
 
     #[test]
     fn command_line_is_well_formed() {
-        super::Cli::command().debug_assert();
+        let mut command = super::Cli::command();
+        command.build();
+        check(&command);
+        assert!(command.get_subcommands().count() > 10);
     }
 }
