@@ -48,6 +48,16 @@ class Grid:
         return Grid(self.bins, (2 * self.nodes[0], 2 * self.nodes[1]))
 
 
+def spiral(count=300000):
+    """Directions of equal weight 4 pi / count on Fibonacci's spiral.
+
+    No line of latitude has more than one of them, so that a jump of f along one costs little."""
+    i = np.arange(count) + 0.5
+    z, phi = 1.0 - 2.0 * i / count, np.pi * (1.0 + np.sqrt(5.0)) * i
+    s = np.sqrt(1.0 - z * z)
+    return np.stack([s * np.cos(phi), s * np.sin(phi), z], axis=1)
+
+
 def composite(edges, nodes):
     """Gauss-Legendre nodes and weights in each interval."""
     x, w = np.polynomial.legendre.leggauss(nodes)

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from checks import INTEGRAL, POINT, check, far_apart, missed, place, spread
-from sphere import direction
+from sphere import direction, spiral
 
 DATA = Path(__file__).resolve().parent.parent / "data"
 NAMES = ["R", "TT", "TRT", "later"]
@@ -242,6 +242,10 @@ def rough_plane(s):
             if resolution < 0.2 * INTEGRAL:
                 break
             grid = grid.finer()
+        off = max(missed(found[k], row["single"][k], resolution) - 5.0 * row["se_single"][k] for k in range(2))
+        if off > INTEGRAL:
+            f, up = s.on_spiral(q), spiral()[:, 2] * wi[2] > 0.0
+            found, resolution = np.array([f[up].sum(), f[~up].sum()]) * 4.0 * np.pi / len(f), 0.0
         for k, side in enumerate(("reflected", "transmitted")):
             yield missed(found[k], row["single"][k], resolution), INTEGRAL + 5.0 * row["se_single"][k], f"{side} {place(q)}"
 
