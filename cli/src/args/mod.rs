@@ -148,7 +148,7 @@ mod tests {
     use clap::CommandFactory;
     use std::collections::BTreeSet;
 
-    /// What clap checks of itself in builds without optimization alone: no two flags of a command are the same.
+    /// What clap itself checks in builds without optimization alone: no two flags of a command are the same.
     /// Each also says what it does.
     fn check(command: &clap::Command) {
         let mut flags = BTreeSet::new();

@@ -5,13 +5,14 @@
 //! [--limit SECONDS] [--known FILE] [--least SCORE] [--list]`
 //!
 //! The mutants are compiled at once, each as an arm of a branch, in a copy of the tree under
-//! `target/mutants`; a variable of the environment says which is on. Tests that take at most `--limit` seconds
-//! (10) run once to see which mutants they reach. Then each mutant is on while the tests that reach it run,
-//! quickest first, until one fails or is late. `--only` takes mutants whose file has the text, `--diff` those
-//! in lines that differ from a revision, `--sample` N of them by chance. Survivors that FILE lists are those
-//! that change nothing which a test could hold: they do not count. A line of FILE is the mutant's key, as it is
-//! printed, then ` # ` and the reason. The program ends with 1 when the score, mutants found over mutants that
-//! count, is below `--least`.
+//! `target/mutants`; a variable of the environment says which is on. Tests that take at most `--limit`
+//! seconds (10) run once to see which mutants they reach. Then each mutant is on while the tests that reach
+//! it run, quickest first, until one fails or is late.
+//!
+//! `--only` takes mutants whose file has the text, `--diff` those in lines that differ from a revision,
+//! `--sample` N of them by chance. Survivors that FILE lists are those that change nothing which a test could
+//! hold: they do not count. A line of FILE is the mutant's key, as it is printed, then ` # ` and the reason.
+//! The program ends with 1 when the score, mutants found over mutants that count, is below `--least`.
 
 mod rewrite;
 mod run;
@@ -36,8 +37,8 @@ const CRATES: [(&str, &str); 5] = [
     ("plywave-fit", "fit/"),
     ("plywave-sim", "sim/"),
 ];
-/// What gets mutants: evaluation, sampling and density of plies, cloths, fibers, speckle and gaps, the fitter,
-/// the readers and the walk.
+/// What gets mutants: evaluation, sampling and density of plies, cloths, fibers, speckle and gaps, the
+/// fitter, the readers and the walk.
 const FILES: [&str; 8] = [
     "src/",
     "fiber/src/",

@@ -347,7 +347,7 @@ mod tests {
         let (out, _) = of("fn f(a: bool, b: bool) -> Pair { a && b }");
         assert!(out.contains("(if (a ) ^ on(0) {  b } else { on(0) })"), "{out}");
         let (out, _) = of("fn f() -> Pair { r[1] += g(r) }");
-        assert!(out.contains("{ let __right = g(r); if on(0) { r[1] -= __right }"), "{out}");
+        assert!(out.contains("{ let __right =  g(r); if on(0) { r[1] -= __right }"), "{out}");
     }
 
     #[test]

@@ -1,4 +1,4 @@
-//! Every test of the tree can fail: it asserts, unwraps or panics, itself or through a function that it calls.
+//! Every test of the tree can fail: it asserts, unwraps or panics, itself or by a function that it calls.
 
 use proc_macro2::{TokenStream, TokenTree};
 use quote::ToTokens;
