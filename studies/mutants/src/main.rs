@@ -203,6 +203,9 @@ fn write_tree(tree: &Path, is_wanted: &dyn Fn(&Mutant) -> bool) -> Outcome<Vec<M
     Ok(mutants)
 }
 
+/// Programs of tests with the folders that they run in.
+type Programs = Vec<(PathBuf, PathBuf)>;
+
 /// Checks the libraries, or compiles the tests: their programs with the folders that they run in, or the
 /// numbers of the mutants in the lines with errors.
 fn compile(
@@ -210,7 +213,7 @@ fn compile(
     target: &Path,
     words: &[&str],
     mutants: &[Mutant],
-) -> Outcome<Result<Vec<(PathBuf, PathBuf)>, BTreeSet<usize>>> {
+) -> Outcome<Result<Programs, BTreeSet<usize>>> {
     let mut cargo = Command::new("cargo");
     cargo.args(words).args(["--release", "--offline", "--message-format", "json"]);
     for (name, folder) in CRATES {
