@@ -40,5 +40,5 @@ cargo clippy --manifest-path python/Cargo.toml --locked --release -- -D warnings
 all=(-q -p no:cacheprovider --durations=5 "$@")
 timeout 1200 "$bin/pytest" "${all[@]}" python/tests --ignore python/tests/test_mitsuba.py --ignore python/tests/test_mitsuba_cloth.py --ignore python/tests/test_mitsuba_native.py --ignore python/tests/test_cost.py
 timeout 2400 "$bin/pytest" "${all[@]}" -n 2 python/tests/test_mitsuba.py python/tests/test_mitsuba_cloth.py python/tests/test_mitsuba_native.py
-"$bin/pytest" "${all[@]}" python/tests/test_cost.py
+"$bin/pytest" "${all[@]}" python/tests/test_cost.py conformance/kit/test_data.py
 "$bin/python" examples/mitsuba/render.py hopsack_close --width 64 --spp 2 -o "$scratch/hopsack.png"

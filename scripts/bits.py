@@ -26,6 +26,9 @@ def values(program: Path, file: Path, before: list[str]) -> array.array:
 
 def main() -> int:
     files = [Path(a).resolve() for a in sys.argv[1:]] or sorted((ROOT / "fabrics/models").glob("*.pwm"))
+    for file in files:
+        if not file.is_file() or file.suffix not in LIMITS:
+            sys.exit(f"{file}: give files that end in {' or '.join(LIMITS)}")
     emulator = shutil.which("qemu-x86_64")
     if emulator is None:
         sys.exit("qemu-x86_64 is missing: install qemu-user")

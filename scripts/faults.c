@@ -106,8 +106,8 @@ static int opened(int fd, int is_watched) {
     return fd;
 }
 
-#define OPEN(name) \
-    int name(const char *path, int flags, ...) { \
+#define OPENS(name, start, ...) \
+    int name(start const char *path, int flags, ...) { \
         REAL(name); \
         va_list list; \
         va_start(list, flags); \
@@ -115,24 +115,14 @@ static int opened(int fd, int is_watched) {
         va_end(list); \
         int writes = (flags & O_ACCMODE) != O_RDONLY && is_under(path), reads = is_file(path); \
         if ((writes || reads) && step() && (flags & O_CREAT)) return full(); \
-        return opened(real(path, flags, mode), writes || reads); \
+        return opened(real(__VA_ARGS__ path, flags, mode), writes || reads); \
     }
-OPEN(open)
-OPEN(open64)
-
-#define OPENAT(name) \
-    int name(int at, const char *path, int flags, ...) { \
-        REAL(name); \
-        va_list list; \
-        va_start(list, flags); \
-        int mode = va_arg(list, int); \
-        va_end(list); \
-        int writes = (flags & O_ACCMODE) != O_RDONLY && is_under(path), reads = is_file(path); \
-        if ((writes || reads) && step() && (flags & O_CREAT)) return full(); \
-        return opened(real(at, path, flags, mode), writes || reads); \
-    }
-OPENAT(openat)
-OPENAT(openat64)
+#define FOLDER int at,
+#define AT at,
+OPENS(open, )
+OPENS(open64, )
+OPENS(openat, FOLDER, AT)
+OPENS(openat64, FOLDER, AT)
 
 ssize_t read(int fd, void *to, size_t size) {
     REAL(read);

@@ -32,39 +32,8 @@ ROOT = Path(__file__).resolve().parent.parent
 TIMEOUT_S = 600.0
 YEAR_S = 365 * 86400
 
-THIN = """name = "thin"
-[fiber]
-shape = { kind = "circle", radius_um = 1.0 }
-size_jitter = 0.1
-eta = 1.5
-alpha_fiber = 0.2
-[ply]
-fibers = 3
-radius_um = 4.0
-[beam]
-w0_um = 2.0
-"""
-TINY = """name = "tiny"
-[fiber]
-shape = { kind = "circle", radius_um = 7.5 }
-eta = 1.58
-alpha_fiber = 0.2
-[ply]
-fibers = 12
-radius_um = 40.0
-fiber_pitch_um = 800.0
-[absorption]
-sigma_per_um = [0.0, 0.01, 0.1]
-[simulation]
-instances = 2
-paths_per_theta = 6000
-theta_i_nodes = 3
-h_nodes = 5
-theta_o_bins = 12
-phi_o_bins = 24
-lobes_refl = 1
-lobes_high = 2
-"""
+THIN = (ROOT / "tests/data/thin.toml").read_text()
+TINY = (ROOT / "tests/data/tiny.toml").read_text()
 CLOTH = """name = "open cotton"
 [weave]
 kind = "plain"

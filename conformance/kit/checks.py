@@ -6,7 +6,7 @@ correct model fails once in about a thousand runs; others follow from rounding o
 """
 import numpy as np
 
-from sphere import Grid, chi_square, direction, spiral
+from sphere import SPIRAL, Grid, chi_square, direction, spiral
 
 # Integrals. Sums of 32-bit floats over the grid round to 1e-5; published series for I_0 are good to 1e-4.
 INTEGRAL = 1e-3
@@ -16,8 +16,6 @@ POINT = 1e-3
 CHECKS = []
 # Requests of a model that a model answers, where `describe` does not name fewer.
 METHODS = ("eval", "pdf", "sample")
-
-
 KINDS = ("fiber", "surface", "ply", "cloth")
 # Kinds whose axis is z, and those with a normal.
 ROUND, FLAT = ("fiber", "ply"), ("surface", "cloth")
@@ -140,11 +138,11 @@ class Subject:
             grid = grid.finer()
         resolution = float(np.max(np.abs(values - before)))
         if expected is not None and missed(values, expected, resolution) > INTEGRAL:
-            values, half = (self.on_spiral(q, what, n).mean(axis=0) * 4.0 * np.pi for n in (300000, 150000))
+            values, half = (self.on_spiral(q, what, n).mean(axis=0) * 4.0 * np.pi for n in (SPIRAL, SPIRAL // 2))
             resolution = float(np.max(np.abs(values - half)))
         return values, resolution
 
-    def on_spiral(self, q, what="eval", count=300000):
+    def on_spiral(self, q, what="eval", count=SPIRAL):
         return np.asarray((self.adapter.eval if what == "eval" else self.adapter.pdf)(q, spiral(count)), float)
 
 
@@ -253,7 +251,7 @@ def chi_squares(s):
         observed = np.append(observed, s.samples - hit.sum())
         p = chi_square(observed, with_lost(expected, s.samples)) if np.all(np.isfinite(expected)) else 0.0
         if -np.log10(max(p, 1e-99)) > limit:
-            wo, weight = spiral(), s.samples * 4.0 * np.pi / 300000
+            wo, weight = spiral(), s.samples * 4.0 * np.pi / SPIRAL
             expected = np.bincount(s.grid.bin_of(wo), s.on_spiral(q, "pdf") * weight, np.prod(s.grid.bins))
             p = chi_square(observed, with_lost(expected, s.samples)) if np.all(np.isfinite(expected)) else 0.0
         yield -np.log10(max(p, 1e-99)), limit, place(q)
@@ -316,13 +314,13 @@ def roll(s):
                 yield far_apart(s.adapter.pdf(q, wo), s.adapter.pdf(r, turned(wo, angle))), POINT, f"turn by {angle} {place(q)}"
 
 
-@check("mirror", {"circular"})
+@check("mirror", {"circular"}, ("fiber", "surface", "cloth"))
 def mirror(s):
     """A mirror that holds the axis: azimuths and h change sign, f and pdf do not. Limit: POINT.
 
     A ply is held to it by `mirror of twist`."""
     flip = np.array([1.0, -1.0, 1.0])
-    for q in s.queries() if s.model["kind"] != "ply" else []:
+    for q in s.queries():
         r = {**q, "wi": (np.array(q["wi"]) * flip).tolist(), "h": -q["h"]}
         wo = spread(s)
         yield far_apart(s.eval(q, wo), s.eval(r, wo * flip)), POINT, place(q)

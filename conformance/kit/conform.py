@@ -118,7 +118,10 @@ def main():
     parser.add_argument("--html", type=Path)
     args = parser.parse_args()
     adapter = Pipe(args.command)
-    described, tables = adapter.describe(), []
+    try:
+        described, tables = adapter.describe(), []
+    except RuntimeError as error:
+        sys.exit(str(error))
     for model in described["models"]:
         if not args.model or args.model in model["name"]:
             results = run_model(adapter, model, args.fast, args.only, seed=args.seed)
@@ -134,6 +137,8 @@ def main():
         args.html.write_text(page(described, tables))
     if not tables:
         sys.exit(f"--model {args.model}: none of {[m['name'] for m in described['models']]}")
+    if not any(results for _, results in tables):
+        sys.exit(f"--only {args.only}: none of {sorted({c[0] for c in checks.CHECKS})} that applies" if args.only else "no check applies")
     return int(any(r["failed"] for _, results in tables for r in results))
 
 

@@ -55,9 +55,12 @@ class Pipe:
         )
 
     def ask(self, request):
-        self.process.stdin.write(json.dumps(request) + "\n")
-        self.process.stdin.flush()
-        line = self.process.stdout.readline()
+        try:
+            self.process.stdin.write(json.dumps(request) + "\n")
+            self.process.stdin.flush()
+            line = self.process.stdout.readline()
+        except OSError:
+            line = ""
         if not line:
             raise RuntimeError(f"{self.command}: the adapter ended; run it alone and give it {{\"do\": \"describe\"}}")
         answer = json.loads(line)

@@ -48,7 +48,11 @@ class Grid:
         return Grid(self.bins, (2 * self.nodes[0], 2 * self.nodes[1]))
 
 
-def spiral(count=300000):
+# Directions on a spiral, where its count is not said.
+SPIRAL = 300000
+
+
+def spiral(count=SPIRAL):
     """Directions of equal weight 4 pi / count on Fibonacci's spiral.
 
     No line of latitude has more than one of them, so that a jump of f along one costs little."""
@@ -56,6 +60,15 @@ def spiral(count=300000):
     z, phi = 1.0 - 2.0 * i / count, np.pi * (1.0 + np.sqrt(5.0)) * i
     s = np.sqrt(1.0 - z * z)
     return np.stack([s * np.cos(phi), s * np.sin(phi), z], axis=1)
+
+
+def basis(w):
+    """Two vectors across each direction, with it a right-handed frame (Duff et al. 2017)."""
+    sign = np.where(w[:, 2] < 0.0, -1.0, 1.0)
+    a = -1.0 / (sign + w[:, 2])
+    b = w[:, 0] * w[:, 1] * a
+    first = np.stack([1.0 + sign * w[:, 0] ** 2 * a, sign * b, -sign * w[:, 0]], axis=1)
+    return first, np.stack([b, sign + w[:, 1] ** 2 * a, -w[:, 1]], axis=1)
 
 
 def composite(edges, nodes):

@@ -5,19 +5,7 @@ use crate::common::{json, names, run, succeed, text};
 use std::path::Path;
 
 /// Three thin fibers in a narrow beam.
-const PLY: &str = r#"
-name = "thin"
-[fiber]
-shape = { kind = "circle", radius_um = 1.0 }
-size_jitter = 0.1
-eta = 1.5
-alpha_fiber = 0.2
-[ply]
-fibers = 3
-radius_um = 4.0
-[beam]
-w0_um = 2.0
-"#;
+const PLY: &str = include_str!("../../../tests/data/thin.toml");
 
 fn folder() -> tempfile::TempDir {
     let folder = tempfile::tempdir().unwrap();

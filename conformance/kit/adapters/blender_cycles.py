@@ -22,6 +22,7 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 from pipe import serve
+from sphere import basis
 
 # Kernel for scripts, part of Cycles' add-on.
 import _cycles  # noqa: E402
@@ -136,15 +137,6 @@ def table(path, values):
     pixels = np.zeros((SIDE * SIDE, 3), "<f4")
     pixels[: len(values)] = values
     path.write_bytes(b"PF\n%d %d\n-1.0\n" % (SIDE, SIDE) + pixels.reshape(SIDE, SIDE, 3)[::-1].tobytes())
-
-
-def basis(w):
-    """Two vectors across each direction, with it a right-handed frame (Duff et al. 2017)."""
-    sign = np.where(w[:, 2] < 0.0, -1.0, 1.0)
-    a = -1.0 / (sign + w[:, 2])
-    b = w[:, 0] * w[:, 1] * a
-    first = np.stack([1.0 + sign * w[:, 0] ** 2 * a, sign * b, -sign * w[:, 0]], axis=1)
-    return first, np.stack([b, sign + w[:, 1] ** 2 * a, -w[:, 1]], axis=1)
 
 
 class Cycles:

@@ -23,6 +23,7 @@ from playwright.sync_api import sync_playwright
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 from pipe import serve
+from sphere import basis
 
 LIGHT = np.array([0.0, 0.0, 1.0])
 # Points a draw: the side of the texture.
@@ -326,15 +327,6 @@ class MaterialX:
             shares = {f"b_tint_{k}": grey(lobe == j) for j, k in enumerate(("R", "TT", "TRT"))}
             lobes.append(self.drawn(name, {**values, **shares, "u_later": float(lobe == 3)}, points))
         return np.stack(lobes, axis=1)
-
-
-def basis(w):
-    """Two vectors across each direction, with it a right-handed frame (Duff et al. 2017)."""
-    sign = np.where(w[:, 2] < 0.0, -1.0, 1.0)
-    a = -1.0 / (sign + w[:, 2])
-    b = w[:, 0] * w[:, 1] * a
-    first = np.stack([1.0 + sign * w[:, 0] ** 2 * a, sign * b, -sign * w[:, 0]], axis=1)
-    return first, np.stack([b, sign + w[:, 1] ** 2 * a, -w[:, 1]], axis=1)
 
 
 if __name__ == "__main__":

@@ -96,6 +96,9 @@ struct Arguments {
     list: bool,
 }
 
+/// Flags that have a value.
+const FLAGS: [&str; 7] = ["--only", "--sample", "--seed", "--diff", "--limit", "--known", "--least"];
+
 fn arguments() -> Outcome<Arguments> {
     let mut all = Arguments {
         only: Vec::new(),
@@ -113,19 +116,25 @@ fn arguments() -> Outcome<Arguments> {
             all.list = true;
             continue;
         }
+        if !FLAGS.contains(&word.as_str()) {
+            return Err(format!("{word}: unknown; use --list or one of {}", FLAGS.join(", ")).into());
+        }
         let value = words.next().ok_or_else(|| format!("{word}: a value is missing"))?;
         match word.as_str() {
-            "--only" => all.only.push(value),
-            "--sample" => all.sample = Some(value.parse()?),
-            "--seed" => all.seed = value.parse()?,
+            "--sample" => all.sample = Some(number(&word, &value)?),
+            "--seed" => all.seed = number(&word, &value)?,
             "--diff" => all.diff = Some(value),
-            "--limit" => all.limit = Duration::from_secs_f64(value.parse()?),
-            "--least" => all.least = value.parse()?,
+            "--limit" => all.limit = Duration::from_secs_f64(number::<f64>(&word, &value)?.clamp(0.0, 1e6)),
+            "--least" => all.least = number(&word, &value)?,
             "--known" => all.known = Some(value.into()),
-            _ => return Err(format!("{word}: unknown; the first lines of mutants/main.rs have the flags").into()),
+            _ => all.only.push(value),
         }
     }
     Ok(all)
+}
+
+fn number<T: std::str::FromStr>(word: &str, value: &str) -> Outcome<T> {
+    value.parse().map_err(|_| format!("{word} {value}: no number").into())
 }
 
 /// The output of git.
@@ -277,7 +286,14 @@ fn known(file: Option<&Path>) -> Outcome<BTreeMap<String, String>> {
     Ok(text.lines().filter(|l| !l.starts_with('#')).filter_map(entry).collect())
 }
 
-fn main() -> Outcome<ExitCode> {
+fn main() -> ExitCode {
+    measure().unwrap_or_else(|error| {
+        eprintln!("{error}");
+        ExitCode::FAILURE
+    })
+}
+
+fn measure() -> Outcome<ExitCode> {
     let arguments = arguments()?;
     let target = std::env::current_dir()?.join("target");
     let (tree, scratch) = (target.join("mutants/tree"), target.join("mutants/scratch"));

@@ -6,32 +6,7 @@ use std::process::{Command, Output};
 use std::sync::OnceLock;
 
 /// A ply small enough to be simulated and fitted in a moment.
-pub const TINY: &str = r#"
-name = "tiny"
-
-[fiber]
-shape = { kind = "circle", radius_um = 7.5 }
-eta = 1.58
-alpha_fiber = 0.2
-
-[ply]
-fibers = 12
-radius_um = 40.0
-fiber_pitch_um = 800.0
-
-[absorption]
-sigma_per_um = [0.0, 0.01, 0.1]
-
-[simulation]
-instances = 2
-paths_per_theta = 6000
-theta_i_nodes = 3
-h_nodes = 5
-theta_o_bins = 12
-phi_o_bins = 24
-lobes_refl = 1
-lobes_high = 2
-"#;
+pub const TINY: &str = include_str!("../../../../tests/data/tiny.toml");
 
 /// A few strands in the light of a lamp: a scene that is loaded in no time.
 pub const STRANDS: &str = r#"
