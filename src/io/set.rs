@@ -1,6 +1,6 @@
 //! Writing of several files as one: all have their new content, or all are unchanged.
 
-use super::disk::{create_new, error_at, fill, folder_of, output_target, unused};
+use super::disk::{create_new, error_at, fill, folder_of, output_target, remove_leftovers, unused};
 use crate::{Error, Result};
 use std::fs::{self, File};
 use std::path::{Path, PathBuf};
@@ -44,7 +44,7 @@ pub fn write_files<P: AsRef<Path>, B: AsRef<[u8]>>(files: &[(P, B)]) -> Result<(
 }
 
 impl FileSet {
-    /// Writes a file under a temporary name.
+    /// Writes a file under a temporary name, and removes what killed programs left beside it.
     fn stage(&mut self, path: &Path, bytes: &[u8]) -> Result<()> {
         let target = output_target(path)?;
         if self.files.iter().any(|staged| staged.target == target) {
@@ -53,6 +53,7 @@ impl FileSet {
         }
         let folder = folder_of(&target);
         self.make_folders(folder).map_err(error_at(path))?;
+        remove_leftovers(&target);
         let (temporary, file) = create_new(&target).map_err(error_at(path))?;
         let filled = fill(&file, |out| out.write_all(bytes));
         self.files.push(Staged { path: path.into(), target, temporary, _file: file, old: None, is_placed: false });
@@ -164,6 +165,8 @@ impl Drop for FileSet {
 mod tests {
     //! A set that fails at any of its files leaves all old files and nothing else.
     use super::*;
+    #[cfg(unix)]
+    use crate::io::is_temporary;
 
     /// Every path below a folder, and the content of the files.
     fn tree(folder: &Path) -> Vec<(PathBuf, Option<Vec<u8>>)> {
@@ -200,6 +203,21 @@ mod tests {
             (fs::read(at("old")).unwrap(), fs::read(at("new/deep/a")).unwrap()),
             (b"next".into(), b"last".into())
         );
+    }
+
+    /// A killed program has left a file of a set; the next set that has it removes that.
+    #[cfg(unix)]
+    #[test]
+    fn leftovers_of_killed_sets_are_removed() {
+        let folder = tempfile::tempdir().unwrap();
+        let at = |name: &str| folder.path().join(name);
+        for name in ["a", "b", "other"] {
+            drop(create_new(&at(name)).unwrap());
+        }
+        write_files(&[(at("a"), b"next"), (at("b"), b"next")]).unwrap();
+        let files = tree(folder.path());
+        let left = files.iter().filter(|(path, _)| is_temporary(&path.file_name().unwrap().to_string_lossy()));
+        assert_eq!((files.len(), left.count()), (3, 1), "{files:?}");
     }
 
     /// A rename that fails after others have succeeded, because a folder has taken the place of a file.
