@@ -9,7 +9,7 @@
 use super::geometry::SwatchGeometry;
 use super::photo::{BLOCKS, Blocks, SIDE};
 use super::table::{LightTable, UNKNOWNS, of_sigma, sigma_range};
-use nalgebra::{SMatrix, SVector};
+use nalgebra::{SMatrix, SVector, SymmetricEigen};
 use plywave_fit::{CostGradient, LbfgsbOptions, minimize};
 
 /// Nuisances of a picture: exposure, red, blue, vignetting, gradient across and down, with the standard
@@ -35,6 +35,8 @@ const REFITS: usize = 10;
 /// Steps of differences.
 const STEP: f64 = 1e-4;
 const STEP_2: f64 = 2e-2;
+/// Most turns of the solver of eigenvalues; a few for each unknown are enough.
+const MAX_TURNS: usize = 1000;
 
 /// A Gaussian prior of an unknown.
 #[derive(Clone, Copy, Debug)]
@@ -128,6 +130,9 @@ fn nuisances(block: usize, channel: usize) -> [f64; NUISANCES] {
     let of = |c: usize| f64::from(u8::from(channel == c));
     [1.0, of(0), of(2), 0.5 * (x * x + y * y), x, y]
 }
+
+/// Of the unknowns.
+pub type Covariance = SMatrix<f64, UNKNOWNS, UNKNOWNS>;
 
 /// What a cost is made of.
 pub struct Evaluated {
@@ -245,7 +250,7 @@ pub struct SwatchSolution {
     /// Their standard deviations: the larger of those by curvature and by refits, with the model's errors.
     pub sd: [f64; UNKNOWNS],
     /// By the curvature of the cost.
-    pub curvature: SMatrix<f64, UNKNOWNS, UNKNOWNS>,
+    pub curvature: Covariance,
     /// By refits to resampled parts.
     pub refits: Vec<[f64; UNKNOWNS]>,
     /// The cost.
@@ -320,9 +325,8 @@ pub fn fit_table(table: &LightTable, data: &SwatchData, priors: &[Prior; UNKNOWN
     Some(SwatchSolution { x, sd, curvature, refits, cost: value, unlikely, rms, exposures, evaluations })
 }
 
-/// The inverse of the cost's matrix of second derivatives; directions that curve less than the priors do
-/// get the priors' curvature.
-fn covariance(cost: &Cost<'_>, x: &[f64; UNKNOWNS]) -> SMatrix<f64, UNKNOWNS, UNKNOWNS> {
+/// The inverse of the cost's matrix of second derivatives.
+fn covariance(cost: &Cost<'_>, x: &[f64; UNKNOWNS]) -> Covariance {
     let of_axis = |k: usize| {
         let at = |by: f64| {
             let mut x = *x;
@@ -333,10 +337,41 @@ fn covariance(cost: &Cost<'_>, x: &[f64; UNKNOWNS]) -> SMatrix<f64, UNKNOWNS, UN
     };
     let columns: [SVector<f64, UNKNOWNS>; UNKNOWNS] = std::array::from_fn(of_axis);
     let half = SMatrix::from_columns(&columns);
-    let hessian = 0.5 * (half + half.transpose());
-    let lacks = |k: usize| (1.0 / cost.priors[k].sd.powi(2) - hessian[(k, k)]).max(0.0);
-    let most = (0..UNKNOWNS).map(lacks).fold(0.0, f64::max);
-    let positive = hessian + SMatrix::from_diagonal_element(most);
-    let of_priors = SMatrix::from_diagonal(&SVector::from_fn(|k, _| cost.priors[k].sd.powi(2)));
-    positive.cholesky().map_or(of_priors, |factor| factor.inverse())
+    above_priors(&(0.5 * (half + half.transpose())), &std::array::from_fn(|k| cost.priors[k].sd))
+}
+
+/// The inverse of a matrix of second derivatives of which no direction curves less than the priors do, in
+/// units of their deviations.
+fn above_priors(hessian: &Covariance, sd: &[f64; UNKNOWNS]) -> Covariance {
+    let units = Covariance::from_diagonal(&SVector::from(*sd));
+    let eigen = SymmetricEigen::try_new(units * hessian * units, f64::EPSILON, MAX_TURNS);
+    let Some(eigen) = eigen.filter(|e| e.eigenvalues.iter().all(|c| c.is_finite())) else {
+        return units * units;
+    };
+    let variances = eigen.eigenvalues.map(|curvature| 1.0 / curvature.max(1.0));
+    let turned = units * eigen.eigenvectors;
+    turned * Covariance::from_diagonal(&variances) * turned.transpose()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Directions that the pictures tell keep their bars beside those that they do not, saddles among them.
+    #[test]
+    fn bars_are_at_most_the_priors_in_every_direction() {
+        let sd = [0.5, 0.3, 0.8, 0.5, 1.2, 1.0, 2.0];
+        let any = Covariance::from_fn(|i, j| ((3 * i + 5 * j * j + i * j) as f64).sin());
+        let turn = any.qr().q();
+        let units = Covariance::from_diagonal(&SVector::from(sd));
+        let back = Covariance::from_diagonal(&SVector::from(sd.map(|s| 1.0 / s)));
+        let told = SVector::from([100.0, 25.0, 4.0, 1.0, 0.2, 0.0, -5.0]);
+        let hessian = back * turn * Covariance::from_diagonal(&told) * turn.transpose() * back;
+        let variances = SVector::from([0.01, 0.04, 0.25, 1.0, 1.0, 1.0, 1.0]);
+        let want = units * turn * Covariance::from_diagonal(&variances) * turn.transpose() * units;
+        let found = above_priors(&hessian, &sd);
+        assert!((found - want).abs().max() < 1e-12, "{found} {want}");
+        let unknown = above_priors(&Covariance::repeat(f64::NAN), &sd);
+        assert_eq!(unknown, units * units);
+    }
 }
