@@ -14,7 +14,7 @@ SHADOW, MIN_HEIGHT_COSINE = (0.371, 0.619), 0.2
 
 TAU = 2.0 * math.pi
 # src/cloth/light/hair_layer.rs
-MIN_COSINE = 1e-3
+MIN_COSINE, MIN_ARRIVES = 1e-3, 1e-3
 
 
 class Hairs:
@@ -152,7 +152,9 @@ class Hairs:
         for behind, (side, arrives) in enumerate(((viewer, kit.float(1.0)), (1 - viewer, passing))):
             depth = self.depth(side, a[2])
             whole = sum(depth)
-            covered, hits = self.seen(side, a, here), 1.0 - dr.exp(-whole)
+            hits = 1.0 - dr.exp(-whole)
+            # The other layer counts only where light arrives.
+            covered = dr.select(arrives > MIN_ARRIVES, self.seen(side, a, here), hits)
             arrives = arrives * dr.select(hits > 0.0, covered / dr.maximum(hits, 1e-30), 0.0)
             hit = arrives * hits / dr.maximum(whole, 1e-30)
             energies, sent = [], kit.zero_s()
